@@ -1,7 +1,14 @@
 """A small pulsating network with one vessel in three dimensions: source, vessel A, the tube B, vessel C, Windkessel."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
+from coronaryuq.case.description.lumen import LumenError
+from coronaryuq.case.lumen.law import lumen_law
+from coronaryuq.case.lumen.profiles import with_lumen
+from coronaryuq.case.network.build import Physics, Segment, elements
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.units import BLOOD_DENSITY as DENSITY
 from coronaryuq.core.units import BLOOD_VISCOSITY as VISCOSITY
@@ -72,6 +79,23 @@ def domain(rings=3, radius=RADIUS) -> Domain:
     caps = {name: faces[name] for name in ("inlet", "outlet")}
     plane = (np.array([0.0, 0.0, 0.6]), np.array([0.0, 0.0, 1.0]))
     return Domain(points, tets, caps, ["inlet"], {"LAD": region}, {"LAD": plane}, description)
+
+
+def uncertain(error: LumenError, rings: int = 3, constant: bool = True) -> FlowModel:
+    """The loop with an uncertain radius of the tube B; without `constant`, the tube has a stenosis in its middle."""
+    z = np.linspace(0.0, LENGTH, 81)
+    narrow = 0.0 if constant else 0.4 * np.exp(-(((z - 0.4) / 0.08) ** 2))
+    radii = RADIUS * (np.ones(len(z)) - narrow)
+    tree = Tree([Vessel("B", z[:, None] * [0.0, 0.0, 1.0], radii, None, "LAD")])
+    stenoses = [] if constant else [Stenosis("LAD", "B", 0.2, 0.6)]
+    loop = network()
+    loop.vessel_values("B").update({k: v for k, v in elements(tree["B"], Physics()).items() if k != "C"})
+    segments = [Segment("B", "B", 0.0, LENGTH, "LAD" if stenoses else None)]
+    held = with_lumen(loop, tree, segments, lumen_law(tree, stenoses, error))
+    shape = domain(rings, lambda at: np.interp(at, z, radii))
+    pieces = [{"B": (0.0, LENGTH)}]
+    shape = replace(shape, description=shape.description.model_copy(update={"pieces": pieces}))
+    return FlowModel(shape, held, "A:J0", DENSITY, VISCOSITY, tree=tree)
 
 
 def ensemble(settings=None, shape=None, loop=None) -> Ensemble:

@@ -43,6 +43,7 @@ rule flow3d_batch:
     input:
         unpack(mesh_of),
         case_json=rules.case.output.case_json,
+        tree_vtp=rules.case.output.tree_vtp,
         network_json=results("losses", "hyperaemia_3d.json") if teaches else rules.calibration.output.hyperaemia_json,
         draws_csv=draws(FIRST_CHAINS),
     output:

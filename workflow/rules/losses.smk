@@ -40,6 +40,7 @@ rule losses_runs:
     """Run them in 3D."""
     input:
         case_json=rules.case.output.case_json,
+        tree_vtp=rules.case.output.tree_vtp,
         network_json=rules.losses_calibration.output.hyperaemia_json,
         mesh_dir=results("mesh", "mesh-complete"),
         mesh_json=results("mesh", "mesh.json"),

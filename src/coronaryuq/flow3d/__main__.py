@@ -22,6 +22,7 @@ def main() -> int:
         "records", metavar="RECORDS", help="output file, .jsonl; checkpoints and fields are written to its folder"
     )
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `flow3d` of a configuration")
+    parser.add_argument("--tree", metavar="TREE", help="tree.vtp of the case; needed if its lumen is uncertain")
     parser.add_argument("--first", type=int, default=0, help="first row of the table to run, from 0")
     parser.add_argument("--count", type=int, help="number of rows (default: all that follow)")
     parser.add_argument("--mpi", action="store_true", help="under mpiexec or srun: divide the samples among its ranks")
@@ -32,7 +33,7 @@ def main() -> int:
         count = arguments.count or len(read_csv(arguments.samples, ("sample",))) - arguments.first
         batch = Batch(
             arguments.case, arguments.network, mesh / "mesh-complete", mesh / "mesh.json",
-            arguments.samples, arguments.first, count,
+            arguments.samples, arguments.first, count, arguments.tree,
         )  # fmt: skip
         outputs = Outputs(records, records.parent / "checkpoints", records.parent / "fields")
         run_batch(batch, "ensemble", settings, outputs, Processes(Ranks.by_hand(arguments.mpi)))

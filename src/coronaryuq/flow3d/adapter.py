@@ -9,11 +9,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
+from coronaryuq.case.anatomy.tree import Tree, read_tree
 from coronaryuq.case.case_json import read_case
-from coronaryuq.case.network.network import Network
+from coronaryuq.case.lumen.profiles import Lumen, lumen_of
+from coronaryuq.case.network.network import LUMEN, Network
+from coronaryuq.core.errors import InputError
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.mesh.coupling.cut_network import CutNetwork, cut_network
+from coronaryuq.flow3d.mesh.morph.morph import Morph
 from coronaryuq.flow3d.mesh.read_mesh import Domain, read_domain
+from coronaryuq.flow3d.shapes import Shapes, draw_shapes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import read_theta
@@ -42,6 +49,8 @@ class FlowModel:
         0D connection `A:B` whose mean pressure FFR divides by.
     density, viscosity
         Of blood, g/cm3 and poise.
+    tree
+        The lumen that the mesh was made from; needed if the network's lumen is uncertain.
     """
 
     domain: Domain
@@ -49,6 +58,7 @@ class FlowModel:
     aorta: str
     density: float
     viscosity: float
+    tree: Tree | None = field(default=None, kw_only=True)
 
     @cached_property
     def engine(self) -> Engine:
@@ -59,6 +69,20 @@ class FlowModel:
     def coupled(self) -> CutNetwork:
         """The 0D side without the 3D domain."""
         return cut_network(self.network, self.domain.description)
+
+    @cached_property
+    def lumen(self) -> Lumen | None:
+        """The uncertain lumen; None if all samples have the mesh's."""
+        return lumen_of(self.network)
+
+    @cached_property
+    def _morph(self) -> Morph:
+        assert self.lumen is not None and self.tree is not None  # read_model checks that there is a tree
+        return Morph(self.domain, self.tree, self.lumen)
+
+    def shapes(self, theta: Mapping[str, np.ndarray], samples: int) -> Shapes | None:
+        """Return the lumens of samples from columns (samples,) of θ; None if all samples have the mesh's."""
+        return None if self.lumen is None else draw_shapes(self._morph, self.lumen, theta, samples)
 
     @property
     def aortic_pressure(self) -> str:
@@ -83,6 +107,8 @@ class Batch:
         parameter of the network.
     first, count
         Rows to run, from 0.
+    tree
+        `tree.vtp`, the lumen that the mesh was made from; needed if the network's lumen is uncertain.
     """
 
     case: str | Path
@@ -92,12 +118,17 @@ class Batch:
     samples: str | Path
     first: int
     count: int
+    tree: str | Path | None = None
 
     def read_model(self) -> FlowModel:
         """Read what all samples share; `InputError` names the file at fault."""
         case = read_case(self.case)
         network, domain = read_network(self.network), read_domain(self.mesh_folder, self.mesh)
-        return FlowModel(domain, network, case.aorta.pressure, case.density, case.viscosity)
+        uncertain = LUMEN in network
+        if uncertain and self.tree is None:
+            raise InputError(self.network, LUMEN, None, "the lumen is uncertain: give the case's tree.vtp, too")
+        tree = read_tree(self.tree) if uncertain and self.tree is not None else None
+        return FlowModel(domain, network, case.aorta.pressure, case.density, case.viscosity, tree=tree)
 
     def read_samples(self, network: Network) -> list[Sample]:
         """Read the batch's rows; `InputError` for too few rows or a column that is not a coronary bed."""

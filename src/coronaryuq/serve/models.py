@@ -149,7 +149,7 @@ class Flow3D:
         self.signed = Theta(read_network(loop), loop).laws.names
         self._batch = Batch(
             files.path("case", "case.json"), loop,
-            files.path(kind.mesh, "mesh-complete"), mesh_json, "", 0, 0,
+            files.path(kind.mesh, "mesh-complete"), mesh_json, "", 0, 0, files.path("case", "tree.vtp"),
         )  # fmt: skip
         one, triangle = np.ones(1), WallRegion.of(np.eye(3), np.array([[0, 1, 2]]), np.arange(3))
         shear = np.ones((3, 1))

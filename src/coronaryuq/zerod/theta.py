@@ -9,7 +9,7 @@ file, which svZeroDSolver does not know. The file's own values are those at the 
                     "normal": mean `centre`, standard deviation `spread`
     loadings        optional, name of an earlier entry → coefficient: what that entry's standard normal coordinate adds,
                     times the coefficient, to this value (to its logarithm); so correlated parameters are expressed
-    kind, targets   how the network changes, see `KINDS`
+    kind, targets   how the network changes, see `KINDS`; `lumen`: by the network's part of this name, without targets
     meaning, unit, source     optional texts
 
     {"name": "lad_radius", "distribution": "lognormal", "centre": 1.0, "spread": 0.05, "kind": "factor",
@@ -30,7 +30,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from coronaryuq.case.network.network import UNCERTAIN, Network
+from coronaryuq.case.lumen.profiles import Lumen, lumen_of
+from coronaryuq.case.network.network import LUMEN, UNCERTAIN, Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.records import STATE
@@ -69,7 +70,16 @@ class Addition(Kind):
         return present + coefficient * (value - centre)
 
 
-KINDS: dict[str, Kind] = {"factor": Factor(), "add": Addition()}
+class LumenCoordinate(Kind):
+    """A coordinate of the network's part `lumen`, which says what it does to all vessels; it has no targets."""
+
+    distributions = ("normal",)
+
+    def change(self, present: Any, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
+        raise TypeError("a coordinate of the lumen changes no target by itself")
+
+
+KINDS: dict[str, Kind] = {"factor": Factor(), "add": Addition(), LUMEN: LumenCoordinate()}
 """Kinds by their name in a network file."""
 
 
@@ -147,6 +157,9 @@ class Theta:
         self.network, self.file = network, file
         self.parameters = _parameters(network, file)
         self.laws = Laws(self.parameters)
+        self.lumen = lumen_of(network, file)
+        if self.lumen is not None or any(one.kind == LUMEN for one in self.parameters):
+            _check_lumen(self.lumen, self.parameters, self._own, file)
 
     @property
     def columns(self) -> list[str]:
@@ -172,6 +185,9 @@ class Theta:
             for target, coefficient in one.targets.items():
                 present = changes.get(target, self._own[target])
                 changes[target] = KINDS[one.kind].change(present, value, one.centre, coefficient)
+        if self.lumen is not None and any(name in theta for name in self.lumen.names):
+            for target, factor in self.lumen.factors(theta).items():
+                changes[target] = changes.get(target, self._own[target]) * factor
         return changes
 
 
@@ -236,6 +252,28 @@ def _parameters(network: Network, file: str | Path) -> list[UncertainParameter]:
         taken.add(one.name)
         found.append(one)
     return found
+
+
+def _check_lumen(
+    lumen: Lumen | None, parameters: Sequence[UncertainParameter], known: Mapping[str, float], file: str | Path
+) -> None:
+    """Raise `InputError` if the coordinates of the lumen are not those listed, or it changes what is not there."""
+    listed = [one.name for one in parameters if one.kind == LUMEN]
+    named = [] if lumen is None else lumen.names
+    for name in listed:
+        if name not in named:
+            raise InputError(file, UNCERTAIN, name, f"no such coordinate in the part `{LUMEN}` of the network")
+    for one in parameters:
+        if one.kind == LUMEN and (one.targets or one.centre != 0.0 or one.spread != 1.0):
+            raise InputError(file, f"{UNCERTAIN}.{one.name}", None, "expected centre 0, spread 1 and no targets")
+    if lumen is None:
+        return
+    for name in named:
+        if name not in listed:
+            raise InputError(file, f"{LUMEN}.names", name, f"not in {UNCERTAIN}; list it there with kind {LUMEN}")
+    for block in lumen.profiles:
+        if f"{block}.R_poiseuille" not in known:
+            raise InputError(file, f"{LUMEN}.profiles", block, "the network has no such vessel")
 
 
 def _parameter(entry: Any, where: str, file: str | Path) -> UncertainParameter:

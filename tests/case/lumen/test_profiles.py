@@ -29,12 +29,13 @@ def test_factors_are_the_ratios_of_networks_built_from_the_drawn_and_the_segment
     tree, stenoses = random_tree(seed)
     law = lumen_law(tree, stenoses, LumenError(bias=0.1))
     network = built(tree, stenoses)
-    lumen = lumen_of(with_lumen(network, tree, vessels_along(tree, stenoses, network), law))
+    held = with_lumen(network, tree, vessels_along(tree, stenoses, network), law)
     z = {name: scale * value for name, value in zip(law.names, generator(seed, "z").normal(size=40), strict=False)}
-    factors = lumen.factors({name: np.array([0.0, value]) for name, value in z.items()})
+    factors = lumen_of(held).factors({name: np.array([0.0, value]) for name, value in z.items()})
     drawn = built(law.tree(tree, z), stenoses)
     for block in {part.name for part in segments(tree, stenoses)}:
-        old, new = network.vessel_values(block), drawn.vessel_values(block)
+        old, new = held.vessel_values(block), drawn.vessel_values(block)
+        assert all(factors[f"{block}.{name}"][0] == 1.0 for name in ("R_poiseuille", "L", "C"))
         for name in ("R_poiseuille", "L", "C"):
             assert old[name] * factors[f"{block}.{name}"][1] == pytest.approx(new[name], rel=1e-9)
         if old["stenosis_coefficient"] > 0:
@@ -42,13 +43,17 @@ def test_factors_are_the_ratios_of_networks_built_from_the_drawn_and_the_segment
             assert changed == pytest.approx(new["stenosis_coefficient"], rel=1e-7)
 
 
-def test_without_noise_every_factor_is_one_to_the_bit():
+def test_without_noise_the_network_is_left_alone_and_with_a_bias_it_is_that_of_the_shifted_lumen():
     tree, stenoses = tube(severity=0.5)
-    law = lumen_law(tree, stenoses, LumenError(common_sd=0.0, local_sd=0.0))
     network = built(tree, stenoses)
-    lumen = lumen_of(with_lumen(network, tree, vessels_along(tree, stenoses, network), law))
-    assert lumen.names == []
-    assert all(np.array_equal(factor, [1.0]) for factor in lumen.factors({}).values())
+    along = vessels_along(tree, stenoses, network)
+    exact = LumenError(common_sd=0.0, local_sd=0.0)
+    assert with_lumen(network, tree, along, lumen_law(tree, stenoses, exact)) is network
+    law = lumen_law(tree, stenoses, exact.model_copy(update={"bias": 0.1, "unit": "mm"}))
+    held, wider = with_lumen(network, tree, along, law), built(law.tree(tree, {}), stenoses)
+    assert wider.vessel_values("LAD_seg0")["R_poiseuille"] < 0.8 * network.vessel_values("LAD_seg0")["R_poiseuille"]
+    for block in ("LAD_seg0", "LAD_seg1", "LAD"):
+        assert held.vessel_values(block) == pytest.approx(wider.vessel_values(block), rel=1e-9)
 
 
 @given(first=st.floats(0.05, 0.4), second=st.floats(0.5, 0.95))
@@ -64,8 +69,11 @@ def test_the_parts_of_a_vessel_add_up_to_the_whole(first, second):
     ends = [0.0, first * 3.0, second * 3.0, 3.0]
     total = 0.0
     for start, end in zip(ends, ends[1:], strict=False):
-        total += profile.between(start, end).factors(z)["R_poiseuille"][0] * (end - start) / 3.0
-    assert total == pytest.approx(profile.factors(z)["R_poiseuille"][0], rel=1e-9)  # the tube's radius is constant
+        part = profile.between(start, end)
+        # Over the segmented tube, whose radius is constant, so that each part has its share of the length.
+        total += part.centre()["R_poiseuille"] * part.factors(z)["R_poiseuille"][0] * (end - start) / 3.0
+    whole = profile.centre()["R_poiseuille"] * profile.factors(z)["R_poiseuille"][0]
+    assert total == pytest.approx(whole, rel=1e-9)
 
 
 def test_the_ratio_along_a_vessel_is_that_of_the_law_across_its_0d_vessels():

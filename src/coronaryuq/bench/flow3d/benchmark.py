@@ -15,6 +15,7 @@ from coronaryuq.bench.flow3d import axisymmetric, bend, nozzle, tubes, unstructu
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY
 from coronaryuq.flow3d.fem.cross_section import section_weights
+from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.mesh_study import MeshRuns, NotMeasured, compare
 from coronaryuq.flow3d.numerical_error import numerical_error
@@ -25,6 +26,7 @@ NOZZLE_DATA = Path(__file__).parents[5] / "shared" / "data" / "fda-nozzle"
 BENT = np.array([10.0, 50.0, 100.0, 200.0])
 """Reynolds numbers in a bend, see `bend.errors`."""
 PEAK, STEPS_PER_CYCLE, PERIOD = 100.0, 800, 0.9
+LENGTH = 5.0 * tubes.RADIUS
 MEASURED_STEPS = 12
 
 
@@ -51,18 +53,22 @@ def run(quick: bool, data: str | None = None) -> dict:
     Returns
     -------
     dict
-        `meshes` (costs), `verification`, `convergence`. The nozzle's error is null if the laboratories' files are not
+        `meshes` (costs), `own_lumens` (costs), `verification`, `convergence`. The nozzle's error is null if the laboratories' files are not
         in `../shared`.
     """
     converged = convergence(data) if data else []  # first, so that a wrong folder is reported at once
-    meshes = []
+    meshes, lumens = [], []
     for rings, levels in MESHES[: 1 if quick else 3]:
         for samples in (LANES,) if quick else (1, 16):
             meshes.append(cost(rings, levels, samples))
             print(f"cost: {meshes[-1]}", file=sys.stderr, flush=True)
+    for rings, levels in MESHES[: 1 if quick else 2]:
+        lumens.append(cost_of_own_lumens(rings, levels))
+        print(f"cost of own lumens: {lumens[-1]}", file=sys.stderr, flush=True)
     return {
         "quick": quick,
         "meshes": meshes,
+        "own_lumens": lumens,
         "verification": verification(quick),
         "convergence": converged,
     }
@@ -73,18 +79,8 @@ def cost(rings: int, levels: int, samples: int) -> dict:
 
     A few steps are timed after compilation and scaled to a cycle; blocks of LANES run one after the other.
     """
-    length = 5.0 * tubes.RADIUS
-    space = tubes.discretised(length, tubes.RADIUS, rings, levels, PERIOD / STEPS_PER_CYCLE)
-    flow = np.full(LANES, PEAK / 2 * np.pi * tubes.RADIUS**2)
-    blocks = [tubes.driven(space, lambda t: flow) for _ in range(-(-samples // LANES))]
-    for stepper, caps in blocks:
-        for _ in range(3):
-            stepper.step(caps)
-    begun = time.process_time()
-    for _ in range(MEASURED_STEPS):
-        for stepper, caps in blocks:
-            stepper.step(caps)
-    spent = (time.process_time() - begun) / MEASURED_STEPS / samples
+    space = tubes.discretised(LENGTH, tubes.RADIUS, rings, levels, PERIOD / STEPS_PER_CYCLE)
+    spent = _per_step(space, samples)
     return {
         "nodes": space.nodes,
         "tets": len(space.elements.tets),
@@ -94,6 +90,41 @@ def cost(rings: int, levels: int, samples: int) -> dict:
         "peak_rss_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024, 1),
         "factor_nonzeros": space.factor.nonzeros,
     }
+
+
+def cost_of_own_lumens(rings: int, levels: int) -> dict:
+    """Return CPU time per sample and cycle of `cost`'s tube with a radius for each sample, and with one for all.
+
+    `set_up_cpu_s` is what a sample's own operators and factor cost, once per run.
+    """
+    dt = PERIOD / STEPS_PER_CYCLE
+    begun = time.process_time()
+    spaces = [tubes.discretised(LENGTH, tubes.RADIUS * r, rings, levels, dt) for r in np.linspace(0.85, 1.15, LANES)]
+    own = Discretisation.of_lanes(spaces, spaces[0])
+    set_up = (time.process_time() - begun) / LANES
+    shared, each = (_per_step(space, LANES) * STEPS_PER_CYCLE for space in (spaces[0], own))
+    return {
+        "nodes": own.nodes,
+        "steps_per_cycle": STEPS_PER_CYCLE,
+        "cpu_s_per_sample_cycle_shared": round(shared, 3),
+        "cpu_s_per_sample_cycle_own": round(each, 3),
+        "ratio": round(each / shared, 2),
+        "set_up_cpu_s": round(set_up, 3),
+    }
+
+
+def _per_step(space: Discretisation, samples: int) -> float:
+    """Return the CPU time of a step per sample, in blocks of LANES that run one after the other, after compilation."""
+    flow = np.full(LANES, PEAK / 2 * np.pi * tubes.RADIUS**2)
+    blocks = [tubes.driven(space, lambda t: flow) for _ in range(-(-samples // LANES))]
+    for stepper, caps in blocks:
+        for _ in range(3):
+            stepper.step(caps)
+    begun = time.process_time()
+    for _ in range(MEASURED_STEPS):
+        for stepper, caps in blocks:
+            stepper.step(caps)
+    return (time.process_time() - begun) / MEASURED_STEPS / samples
 
 
 def verification(quick: bool) -> dict:

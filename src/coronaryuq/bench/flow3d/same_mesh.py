@@ -62,6 +62,7 @@ def compare(campaign: Path, programs: list[str], settings: Settings) -> dict:
     batch = Batch(
         campaign / "case" / "case.json", campaign / "calibration" / "hyperaemia.json",
         campaign / "mesh" / "mesh-complete", campaign / "mesh" / "mesh.json", campaign / "samples" / "pilot.csv", 0, 0,
+        campaign / "case" / "tree.vtp",
     )  # fmt: skip
     case = CoupledCase.of(batch.read_model(), batch.mesh_folder, external, settings.low_shear)
     ours = ensemble_cost(case, settings)

@@ -13,7 +13,7 @@ from coronaryuq.posterior.stage import draw_samples
 
 
 def batch(
-    case_json: str, network_json: str, mesh_dir: str, mesh_json: str, draws_csv: str, settings: Settings,
+    case_json: str, tree_vtp: str, network_json: str, mesh_dir: str, mesh_json: str, draws_csv: str, settings: Settings,
     posterior: PosteriorSettings, backend: str, seed: int, portion: tuple[int, int], records_jsonl: str,
     fields_zip: str, mpi: str, tasks: int,
 ) -> None:  # fmt: skip
@@ -24,7 +24,13 @@ def batch(
         samples, fields = Path(scratch, "samples.csv"), Path(scratch, "fields")
         fields.mkdir()
         draw_samples(draws_csv, posterior, seed, "pilot", first + count, samples)
-        inputs = {"case": case_json, "network": network_json, "mesh_folder": mesh_dir, "mesh": mesh_json}
+        inputs = {
+            "case": case_json,
+            "network": network_json,
+            "mesh_folder": mesh_dir,
+            "mesh": mesh_json,
+            "tree": tree_vtp,
+        }
         outputs = Outputs(records, records.parent / "checkpoints", fields)
         part = Batch(**inputs, samples=samples, first=first, count=count)
         run_batch(part, backend, settings, outputs, Processes(mpi=mpi, tasks=tasks))
@@ -32,12 +38,12 @@ def batch(
 
 
 def teaching_batch(
-    case_json: str, network_json: str, mesh_dir: str, mesh_json: str, samples_csv: str, settings: Settings,
-    backend: str, number: int, records_jsonl: str, mpi: str, tasks: int,
+    case_json: str, tree_vtp: str, network_json: str, mesh_dir: str, mesh_json: str, samples_csv: str,
+    settings: Settings, backend: str, number: int, records_jsonl: str, mpi: str, tasks: int,
 ) -> None:  # fmt: skip
     """Run the samples that teach the 0D model its losses in 3D."""
     records = Path(records_jsonl)
-    part = Batch(case_json, network_json, mesh_dir, mesh_json, samples_csv, 0, number)
+    part = Batch(case_json, network_json, mesh_dir, mesh_json, samples_csv, 0, number, tree_vtp)
     outputs = Outputs(records, records.parent / "checkpoints")
     run_batch(part, backend, settings, outputs, Processes(mpi=mpi, tasks=tasks))
 

@@ -35,6 +35,8 @@ class VesselLaw:
     def log_ratio(self, arc: np.ndarray, z: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the logarithm of true over segmented radius at arc lengths (n,) cm for coordinates (samples,).
 
+        Absent coordinates are zero.
+
         Returns
         -------
         array (samples, n)
@@ -42,7 +44,8 @@ class VesselLaw:
         """
         total = np.interp(arc, self.arc, self.mean)[None, :]
         for name, column in self.columns.items():
-            total = total + np.asarray(z[name], float).reshape(-1, 1) * np.interp(arc, self.arc, column)
+            if name in z:
+                total = total + np.asarray(z[name], float).reshape(-1, 1) * np.interp(arc, self.arc, column)
         return total
 
 
@@ -66,7 +69,7 @@ class LumenLaw:
 
     def ratio(self, vessel: str, arc, z: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return true over segmented radius (samples, n) at arc lengths (n,) cm of a vessel; see `VesselLaw`."""
-        samples = max((np.size(z[name]) for name in self.names), default=1)
+        samples = max((np.size(z[name]) for name in self.names if name in z), default=1)
         arc = np.atleast_1d(np.asarray(arc, float))
         if vessel not in self.vessels:
             return np.ones((samples, len(arc)))
@@ -82,7 +85,7 @@ class LumenLaw:
 
     def tree(self, tree: Tree, z: Mapping[str, float]) -> Tree:
         """Return the tree with the radii of one draw."""
-        one = {name: np.array([z[name]]) for name in self.names}
+        one = {name: np.array([z.get(name, 0.0)]) for name in self.names}
         drawn = []
         for vessel in tree:
             fine = self.knots(vessel)

@@ -1,8 +1,8 @@
 """The uncertain radius of every 0D vessel, as it travels in a network file, and the element values that follow from it.
 
 The part `lumen` of a network, which svZeroDSolver does not know, has one profile per coronary 0D vessel. Element values
-change by the rules that built them (`case.network.build`), as factors on the values that the network has: a network
-whose losses were tuned or learnt keeps them at the segmented lumen.
+change by the rules that built them (`case.network.build`), as factors on the values that the network has, which are
+those at the coordinates' centre, zero: a network whose losses were tuned or learnt keeps them there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,11 +16,8 @@ from pydantic import BaseModel, ConfigDict
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.lumen.law import LumenLaw, VesselLaw
 from coronaryuq.case.network.build import Segment, shape_integrals
-from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.network import LUMEN, UNCERTAIN, Network
 from coronaryuq.core.io.typed import checked
-
-LUMEN = "lumen"
-"""Part of a network that holds the profiles."""
 
 
 @dataclass(frozen=True)
@@ -44,20 +41,29 @@ class Profile:
         return Profile(self.vessel, np.interp(arc, self.law.arc, self.radii), law)
 
     def factors(self, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return element parameter → its value over that of the segmented lumen, for coordinates: both (samples,).
+        """Return element parameter → its value over that at the centre, for coordinates: both (samples,).
 
         R and L by their integrals along the vessel, C by the squared mean radius, the stenosis coefficient by the areas
-        at the throat and without the stenosis; a stenosis that takes no area has no coefficient to change.
+        at the throat and without the stenosis; a stenosis that takes no area has no coefficient to change. Absent
+        coordinates are at their centre.
         """
-        arc = self.law.arc
-        drawn = np.ascontiguousarray(self.radii * np.exp(self.law.log_ratio(arc, z)))
-        factors = {}
+        drawn = np.ascontiguousarray(self.radii * np.exp(self.law.log_ratio(self.law.arc, z)))
+        return self._over(drawn, self.radii * np.exp(self.law.mean))
+
+    def centre(self) -> dict[str, float]:
+        """Return element parameter → its value at the coordinates' centre over that of the segmented lumen."""
+        factors = self._over((self.radii * np.exp(self.law.mean))[None], self.radii)
+        return {name: float(factor[0]) for name, factor in factors.items()}
+
+    def _over(self, drawn: np.ndarray, other: np.ndarray) -> dict[str, np.ndarray]:
+        """Return element parameter → its value for radii (samples, n) over that for radii (n,), (samples,)."""
+        arc, factors = self.law.arc, {}
         for name, new, old in zip(
-            ("R_poiseuille", "L", "C"), shape_integrals(drawn, arc), shape_integrals(self.radii, arc), strict=True
+            ("R_poiseuille", "L", "C"), shape_integrals(drawn, arc), shape_integrals(other, arc), strict=True
         ):
             factors[name] = (new / old) ** (2 if name == "C" else 1)
         if self.stenosis:
-            loss = float(_loss(self.radii[None], arc)[0])
+            loss = float(_loss(other[None], arc)[0])
             factors["stenosis_coefficient"] = _loss(drawn, arc) / loss if loss > 0.0 else np.ones(len(drawn))
         return factors
 
@@ -94,7 +100,10 @@ class Lumen:
     captured: Mapping[str, float]
 
     def factors(self, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return "BLOCK.parameter" → factor (samples,) on the network's value, for coordinates (samples,)."""
+        """Return "BLOCK.parameter" → factor (samples,) on the network's value, for coordinates (samples,).
+
+        Absent coordinates are at their centre.
+        """
         return {
             f"{block}.{name}": factor
             for block, profile in self.profiles.items()
@@ -108,7 +117,7 @@ class Lumen:
         """
         own = sorted((p for p in self.profiles.values() if p.vessel == vessel), key=lambda p: p.law.arc[0])
         arc = np.atleast_1d(np.asarray(arc, float))
-        samples = max((np.size(z[name]) for name in self.names), default=1)
+        samples = max((np.size(z[name]) for name in self.names if name in z), default=1)
         if not own:
             return np.ones((samples, len(arc)))
         parts = np.searchsorted([p.law.arc[0] for p in own[1:]], arc, side="right")
@@ -138,7 +147,7 @@ class _Lumen(BaseModel):
 
 
 def with_lumen(network: Network, tree: Tree, segments: Sequence[Segment], law: LumenLaw) -> Network:
-    """Return the network with the profiles of its 0D vessels along a tree.
+    """Return the network with the profiles of its 0D vessels along a tree, and their values at the law's centre.
 
     Parameters
     ----------
@@ -154,9 +163,9 @@ def with_lumen(network: Network, tree: Tree, segments: Sequence[Segment], law: L
     Returns
     -------
     Network
-        A network that shares its blocks with the given one.
+        A copy; without uncertainty and bias, the network as it is.
     """
-    if not law.vessels:
+    if not law.names and not any(np.any(own.mean) for own in law.vessels.values()):
         return network
     profiles = {}
     for segment in segments:
@@ -170,7 +179,17 @@ def with_lumen(network: Network, tree: Tree, segments: Sequence[Segment], law: L
         )
         part = whole.between(segment.start, segment.end)
         profiles[segment.name] = Profile(part.vessel, part.radii, part.law, segment.stenosis is not None)
-    return Network(network | {LUMEN: content(Lumen(law.names, profiles, law.captured))})
+    changed = network.deep_copy()
+    for block, profile in profiles.items():
+        values = changed.vessel_values(block)
+        values |= {name: values[name] * factor for name, factor in profile.centre().items() if name in values}
+    lumen = Lumen(law.names, profiles, law.captured)
+    coordinates = [
+        {"name": name, "distribution": "normal", "centre": 0.0, "spread": 1.0, "kind": LUMEN, "targets": {}}
+        | {"meaning": "coordinate of the lumen's radius", "unit": "1"}
+        for name in law.names
+    ]
+    return Network(changed | {UNCERTAIN: [*network.get(UNCERTAIN, []), *coordinates], LUMEN: content(lumen)})
 
 
 def content(lumen: Lumen) -> dict[str, Any]:

@@ -10,6 +10,8 @@ BEFORE_HEART, AFTER_HEART = "J_heart_inlet", "J_heart_outlet"
 """Junctions that svZeroDSolver puts between the heart and the blocks that return to it or that it feeds."""
 UNCERTAIN = "uncertain_parameters"
 """Part of a network that svZeroDSolver does not know: see `zerod.theta`."""
+LUMEN = "lumen"
+"""Another: see `case.lumen.profiles`."""
 
 Entry = dict[str, Any]
 
@@ -118,7 +120,7 @@ class Network(dict[str, Any]):
 
     def for_svzerodsolver(self) -> "Network":
         """Return the network without the parts that svZeroDSolver does not know; blocks are not copied."""
-        return Network({key: value for key, value in self.items() if key != UNCERTAIN})
+        return Network({key: value for key, value in self.items() if key not in (UNCERTAIN, LUMEN)})
 
     def deep_copy(self) -> "Network":
         """Copy the network and all its blocks, much faster than the general `copy.deepcopy`."""

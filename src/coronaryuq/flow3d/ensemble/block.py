@@ -5,6 +5,7 @@ import time
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.fem.time_step import Stepper
 from coronaryuq.flow3d.settings import Settings
+from coronaryuq.flow3d.shapes import Shapes
 from coronaryuq.zerod.solver.coupled import CoupledNetwork
 from coronaryuq.zerod.solver.periodic import Periodicity
 
@@ -78,6 +80,7 @@ class Task:
     label: str = ""
     waveforms: Sequence[str] = ()
     start: np.ndarray | None = None
+    shapes: Shapes | None = None
 
 
 class Block:
@@ -92,6 +95,7 @@ class Block:
         lanes = np.minimum(np.arange(LANES), task.samples - 1)
         self.changes = {name: value[lanes] for name, value in task.changes.items()}
         self.first_state = None if task.start is None else task.start[lanes]
+        self.shapes = None if task.shapes is None else task.shapes.of(lanes.tolist())
         self.stepper = Stepper(
             space, settings.backflow_stabilisation, settings.momentum_tolerance, settings.momentum_sweeps
         )
@@ -107,6 +111,7 @@ class Block:
                 "start": None if self.first_state is None else provenance.digest(self.first_state.tolist()),
                 "refinement": task.refinement,
             }
+            | ({} if task.shapes is None else {"points": sha256(task.shapes.points.tobytes()).hexdigest()})
         )
 
     def run(self) -> list[Outcome]:
@@ -118,8 +123,8 @@ class Block:
         self.reasons = ["" if lane == "ok" else f"0D start: {lane}" for lane in status]
         coupled = self.model.coupled
         self.zerod = CoupledNetwork(
-            coupled.network, coupled.caps, self.space.admittance / self.model.density, coupled.changes(self.changes),
-            LANES, self.steps,
+            coupled.network, coupled.caps, self.space.admittance / self.model.density, self._cut_changes(),
+            LANES, self.steps, self.space.nominal_admittance / self.model.density,
         )  # fmt: skip
         self._aortic_row = self.zerod.rows([self.model.aortic_pressure])[0]
         self._recorded = self.zerod.rows([coupled.in_cut_network(name) for name in self.waveforms])
@@ -146,6 +151,15 @@ class Block:
         if self.checkpoint is not None:
             self.checkpoint.unlink(missing_ok=True)
         return outcomes
+
+    def _cut_changes(self) -> dict[str, np.ndarray]:
+        """Return the changes of the network outside 3D."""
+        coupled = self.model.coupled
+        changes = coupled.changes(self.changes)
+        for name, factor in ({} if self.shapes is None else self.shapes.outside).items():
+            vessel, _, parameter = name.rpartition(".")
+            changes[name] = factor * changes.get(name, coupled.network.vessel_values(vessel)[parameter])
+        return changes
 
     def _failure(self, k: int) -> Outcome:
         # Without a periodic 0D state smaller steps are no help.

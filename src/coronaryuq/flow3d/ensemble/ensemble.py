@@ -10,6 +10,7 @@ from coronaryuq.flow3d.ensemble.block import Block, Outcome, Report, Task
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.settings import Settings
+from coronaryuq.flow3d.shapes import Shapes
 
 
 class Ensemble:
@@ -36,6 +37,7 @@ class Ensemble:
         report: Report | None = None,
         waveforms: Sequence[str] = (),
         start: np.ndarray | None = None,
+        shapes: Shapes | None = None,
     ) -> list[Outcome]:
         """Run samples in blocks of LANES; a sample's numbers do not depend on its block.
 
@@ -56,6 +58,8 @@ class Ensemble:
         start
             (samples, unknowns) where the search for the periodic 0D states begins: a closed loop keeps the blood that
             it starts with.
+        shapes
+            Lumens of the samples; None: all have the mesh's.
 
         Returns
         -------
@@ -66,6 +70,9 @@ class Ensemble:
         wanted = [False] * samples if fields is None else list(fields)
         outcomes: dict[int, Outcome] = {}
         pending = list(range(samples))
+        if shapes is not None:
+            outcomes |= {k: Outcome(reason=reason) for k, reason in enumerate(shapes.reasons) if reason}
+            pending = [k for k in pending if k not in outcomes]
         for refinement in range(self.settings.refinements + 1):
             failed = []
             for first in range(0, len(pending), LANES):
@@ -79,8 +86,12 @@ class Ensemble:
                     label=f"{members[0] + 1} to {members[-1] + 1} of {samples}",
                     waveforms=waveforms,
                     start=None if start is None else np.asarray(start, float)[members],
+                    shapes=None if shapes is None else shapes.of(members),
                 )
-                block = Block(self.model, self.settings, self.space(refinement), task, report)
+                space = (
+                    self.space(refinement) if shapes is None else self.own_spaces(refinement, shapes.points[members])
+                )
+                block = Block(self.model, self.settings, space, task, report)
                 for k, outcome in zip(members, block.run(), strict=True):
                     if k in outcomes:
                         _add_earlier(outcome, outcomes[k])
@@ -97,13 +108,18 @@ class Ensemble:
     def space(self, refinement: int) -> Discretisation:
         """Return the mesh's operators for the time step of a refinement."""
         if refinement not in self._spaces:
-            steps = self.settings.steps_per_cycle * 2**refinement
-            domain, model = self.model.domain, self.model
-            self._spaces[refinement] = Discretisation(
-                domain.points, domain.tets, domain.caps, domain.inlets, model.engine.model.period / steps,
-                model.density, model.viscosity,
-            )  # fmt: skip
+            self._spaces[refinement] = self._discretised(refinement, self.model.domain.points)
         return self._spaces[refinement]
+
+    def own_spaces(self, refinement: int, points: np.ndarray) -> Discretisation:
+        """Return operators of up to LANES samples with their own nodes (samples, n, 3), the last one repeated."""
+        spaces = [self._discretised(refinement, own) for own in points]
+        return Discretisation.of_lanes(spaces + [spaces[-1]] * (LANES - len(spaces)), self.space(refinement))
+
+    def _discretised(self, refinement: int, points: np.ndarray) -> Discretisation:
+        domain, model = self.model.domain, self.model
+        step = model.engine.model.period / (self.settings.steps_per_cycle * 2**refinement)
+        return Discretisation(points, domain.tets, domain.caps, domain.inlets, step, model.density, model.viscosity)
 
 
 def _add_earlier(outcome: Outcome, earlier: Outcome) -> None:

@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,19 +42,25 @@ class EnsembleAdapter:
         mine = [k for k in range(len(samples)) if k // LANES % size == rank]
         stem = f"batch_{samples[0].row}" + ("" if size == 1 else f"_rank_{rank}_of_{size}")
         theta = {name: np.array([samples[k].theta[name] for k in mine]) for name in samples[0].theta}
+        shapes = self.model.shapes(theta, len(mine))
         outcomes = Ensemble(self.model, self.settings).run(
             theta_changes(self.model.network, theta),
             len(mine),
             outputs.checkpoints / stem if self.settings.checkpoints else None,
             [outputs.fields is not None and samples[k].row < self.settings.fields for k in mine],
             Progress(),
+            shapes=shapes,
         )
         solver = {"name": "ensemble", "version": provenance.code_version(), "coupling": COUPLING}
         rows = {}
-        for k, outcome in zip(mine, outcomes, strict=True):
+        for number, (k, outcome) in enumerate(zip(mine, outcomes, strict=True)):
+            domain = self.model.domain
+            if shapes is not None:
+                outcome.diagnostics |= {"lumen": shapes.quality[number]}
+                domain = replace(domain, points=shapes.points[number])
             rows[k] = _record(samples[k], outcome, solver)
             if outcome.fields and outputs.fields is not None:
-                write_fields(outputs.fields, samples[k].name, self.model.domain, outcome.fields)
+                write_fields(outputs.fields, samples[k].name, domain, outcome.fields)
         return rows
 
 

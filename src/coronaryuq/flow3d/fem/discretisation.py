@@ -156,6 +156,7 @@ class Discretisation:
             edge[:, c] = np.asarray(matrix[:, nodes].sum(axis=1)).ravel()
         lift[self.inside] = -self.factor.solve_columns(edge[self.inside])
         self.lift, self.admittance = lift[..., None], (lift.T @ (matrix @ lift))[..., None]
+        self.nominal_admittance = self.admittance[..., 0]
         beside = np.zeros(self.nodes, bool)
         for nodes in cap_nodes:
             beside[matrix[:, nodes].tocoo().row] = True
@@ -163,22 +164,24 @@ class Discretisation:
         self.near_caps, self.near_weight = near, edge[near][..., None]
 
     @classmethod
-    def of_lanes(cls, spaces: Sequence["Discretisation"]) -> "Discretisation":
+    def of_lanes(cls, spaces: Sequence["Discretisation"], common: "Discretisation") -> "Discretisation":
         """Return the operators of LANES meshes of one topology, each for its own sample.
 
         Parameters
         ----------
         spaces
             (LANES,) operators for the same time step, density and viscosity; the same object may stand for several.
+        common
+            Those of the mesh that the others' nodes were moved from.
 
         Raises
         ------
         ValueError
             If the meshes differ in more than the places of their nodes.
         """
-        first = spaces[0]
+        first = common
         distinct = list({id(space): space for space in spaces}.values())
-        for other in distinct[1:]:
+        for other in distinct:
             if not all(
                 np.array_equal(one, two)
                 for one, two in ((first.elements.tets, other.elements.tets), (first.node_of, other.node_of))
@@ -209,6 +212,7 @@ class Discretisation:
             replace(own[0], nodal_area=np.concatenate([cap.nodal_area for cap in own], axis=-1))
             for own in zip(*(space.caps for space in spaces), strict=True)
         ]
+        joined.nominal_admittance = common.nominal_admittance
         joined.factor = Cholesky.of_lanes([space.factor for space in spaces], first._inside_pattern())
         return joined
 

@@ -66,6 +66,7 @@ class SimVascularCode(ABC):
             records.write(kept, rows)
             if record.ok and not self.case.settings.keep:
                 shutil.rmtree(work / sample.name, ignore_errors=True)
+                shutil.rmtree(work / f"{sample.name}-mesh", ignore_errors=True)
         records.write(outputs.records, rows)
         kept.unlink()
 
@@ -74,10 +75,11 @@ class SimVascularCode(ABC):
         begun, before = time.perf_counter(), os.times()
         run = folder.resolve()
         try:
-            self.prepare(sample, run)
-            for line in self.commands():
+            code = type(self)(self.case.drawn(sample, run.with_name(f"{run.name}-mesh")), self.tasks)
+            code.prepare(sample, run)
+            for line in code.commands():
                 execute(line, run, self.case.settings.time_limit - (time.perf_counter() - begun))
-            record = self.collect(run, sample)
+            record = code.collect(run, sample)
         except RunFailed as error:
             record = Record.failed(sample.name, dict(sample.theta), str(error), solver=self.solver)
         after = os.times()

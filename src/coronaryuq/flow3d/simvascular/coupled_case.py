@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -30,19 +30,38 @@ ZEROD_DATA = "svZeroD_data"
 class CoupledCase(FlowModel):
     """What all samples share, with the mesh as a `mesh-complete` folder and the settings of the SimVascular codes.
 
-    low_shear: wall shear stress below which it counts as low, dyn/cm2.
+    low_shear: wall shear stress below which it counts as low, dyn/cm2; outside: see `Shapes`, of the sample's lumen.
     """
 
     mesh_folder: Path
     settings: SimVascularSettings
     low_shear: float
+    outside: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(
         cls, model: FlowModel, mesh_folder: str | Path, settings: SimVascularSettings, low_shear: float
     ) -> "CoupledCase":
         shared = (model.domain, model.network, model.aorta, model.density, model.viscosity)
-        return cls(*shared, Path(mesh_folder).resolve(), settings, low_shear)
+        return cls(*shared, Path(mesh_folder).resolve(), settings, low_shear, tree=model.tree)
+
+    def drawn(self, sample: Sample, mesh_folder: Path) -> "CoupledCase":
+        """Return the case with the lumen of a sample, whose mesh is written to `mesh_folder`; itself if it is known.
+
+        Raises `RunFailed` if the sample's lumen has no valid mesh.
+        """
+        shapes = self.shapes({name: np.array([value]) for name, value in sample.theta.items()}, 1)
+        if shapes is None:
+            return self
+        if shapes.reasons[0]:
+            raise RunFailed(shapes.reasons[0])
+        shutil.rmtree(mesh_folder, ignore_errors=True)
+        mesh = folder.read(self.mesh_folder)
+        folder.write(mesh_folder, replace(mesh, points=shapes.points[0]))
+        outside = {name: float(factor[0]) for name, factor in shapes.outside.items()}
+        return replace(
+            self, domain=replace(self.domain, points=shapes.points[0]), mesh_folder=mesh_folder, outside=outside
+        )
 
     @property
     def period(self) -> float:
@@ -96,6 +115,9 @@ def begin(case: CoupledCase, sample: Sample, run: Path) -> None:
 def coupled_json(case: CoupledCase, changes: Mapping[str, np.ndarray], full: Mapping[str, float]) -> Network:
     """Return the 0D side for svZeroDSolver's library: this sample's values, starting from its periodic state."""
     own = {name: float(np.ravel(value)[0]) for name, value in case.coupled.changes(changes).items()}
+    for name, factor in case.outside.items():
+        vessel, _, parameter = name.rpartition(".")
+        own[name] = factor * own.get(name, case.coupled.network.vessel_values(vessel)[parameter])
     network = with_changes(case.coupled.network, own).for_svzerodsolver()
     network["simulation_parameters"] = {
         "coupled_simulation": True,

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from coronaryuq.case.network.network import AFTER_HEART, BEFORE_HEART, HEART, HEART_TYPE, UNCERTAIN, Network
+from coronaryuq.case.network.network import AFTER_HEART, BEFORE_HEART, HEART, HEART_TYPE, LUMEN, UNCERTAIN, Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.zerod.network.blocks import check_keys, check_shapes, check_values, finite, named, register
@@ -38,6 +38,7 @@ _TOP = {
     "valves",
     "chambers",
     UNCERTAIN,
+    LUMEN,
 }
 _SIMULATION = {
     "coupled_simulation": bool,

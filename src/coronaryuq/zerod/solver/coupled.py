@@ -43,6 +43,7 @@ class CoupledNetwork:
     network: svZeroDSolver JSON in which every cap is a FLOW block of `external_solver_coupling_blocks`; location
     `inlet` is an outlet of the 3D domain. caps: names of those blocks in the order of the domain's caps.
     admittance: S (caps, caps, 1 or samples), mL/s per dyn/cm2, for the time step period / steps_per_cycle.
+    nominal: (caps, caps), that of the mesh if samples have their own.
     changes: "BLOCK.parameter" → (samples,) or scalar. start: (samples, ·) states by name, see `state_from`.
     Generalised-α as in the engine; the domain's relation holds at the end of each step.
     """
@@ -55,8 +56,10 @@ class CoupledNetwork:
         changes: Mapping[str, np.ndarray | float],
         samples: int,
         steps_per_cycle: int,
+        nominal: np.ndarray | None = None,
         file: str | Path = "network",
     ):
+        nominal = admittance[..., 0] if nominal is None else nominal
         network = network.deep_copy()
         simulation = network["simulation_parameters"]
         simulation["coupled_simulation"] = False
@@ -82,7 +85,8 @@ class CoupledNetwork:
         for i, block in enumerate(blocks):
             for j, other in enumerate(blocks):
                 values = sign[i] * admittance[i, j]
-                block.scalars[f"admittance:{other.name}"] = float(values[0])
+                # The order of elimination follows these values, so that it must not depend on the samples.
+                block.scalars[f"admittance:{other.name}"] = float(sign[i] * nominal[i, j])
                 if values.size > 1:
                     own[f"{block.name}.admittance:{other.name}"] = values
         self._sign, self._admittance = sign[:, None], np.array(admittance)

@@ -19,7 +19,7 @@ from coronaryuq.flow3d.mesh.morph.surface import displacement, forks, surface_mo
 from coronaryuq.flow3d.mesh.read_mesh import Domain
 
 FLATTEST = 1.0
-"""Degrees; smallest dihedral angle of a drawn lumen's elements: a lumen that shrinks flattens them across the vessel."""
+"""Degrees; smallest dihedral angle of a drawn lumen's elements, which flatten as it shrinks."""
 
 
 @dataclass(frozen=True)
@@ -65,14 +65,14 @@ class Morph:
         Parameters
         ----------
         z
-            Coordinates of the lumen's law; others are ignored.
+            Coordinates of the lumen's law; absent ones are at their centre, zero.
 
         Raises
         ------
         MeshError
             An element would be inverted, or flatter than `FLATTEST` and than half the mesh's flattest.
         """
-        one = {name: np.array([z[name]]) for name in self.lumen.names}
+        one = {name: np.array([value]) for name, value in z.items() if name in self.lumen.names}
         ratio = {name: self.lumen.ratio(name, own.arc, one)[0] for name, own in self._moves.items()}
         fork_ratio = {
             name: sum(weight * float(self.lumen.ratio(v, arc, one)[0, 0]) for v, (arc, weight) in fork.ends.items())

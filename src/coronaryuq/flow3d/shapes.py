@@ -1,0 +1,79 @@
+"""The lumens of a batch of samples: nodes on the mesh's topology, and what is left of cut vessels in 0D."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.case.lumen.profiles import Lumen
+from coronaryuq.flow3d.mesh.description import MeshDescription
+from coronaryuq.flow3d.mesh.geometry.errors import MeshError
+from coronaryuq.flow3d.mesh.morph.morph import Morph
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """The lumens of some samples.
+
+    Parameters
+    ----------
+    points
+        (samples, n, 3) nodes, cm.
+    outside
+        "VESSEL.parameter" → (samples,) of each vessel that the mesh cuts, what its part outside changes by over what
+        the whole changes by; the downstream part of a vessel with two is called VESSEL_downstream.
+    reasons
+        (samples,) why a sample has no valid mesh, empty if it has; the others' nodes are then those of the mesh.
+    quality
+        (samples,) quality of the elements.
+    """
+
+    points: np.ndarray
+    outside: Mapping[str, np.ndarray]
+    reasons: list[str]
+    quality: list[dict[str, float]]
+
+    def of(self, members: list[int]) -> "Shapes":
+        """Return the lumens of some of the samples."""
+        outside = {name: factor[members] for name, factor in self.outside.items()}
+        pick = [self.reasons[k] for k in members], [self.quality[k] for k in members]
+        return Shapes(self.points[members], outside, *pick)
+
+
+def draw_shapes(morph: Morph, lumen: Lumen, theta: Mapping[str, np.ndarray], samples: int) -> Shapes:
+    """Return the lumens of samples from columns (samples,) of θ; absent coordinates are at their centre."""
+    given = {name: np.broadcast_to(np.asarray(theta[name], float), (samples,)) for name in lumen.names if name in theta}
+    points, reasons, quality = [], [], []
+    for k in range(samples):
+        try:
+            moved = morph({name: float(value[k]) for name, value in given.items()})
+            points.append(moved.points)
+            reasons.append("")
+            quality.append(moved.quality)
+        except MeshError as error:
+            points.append(morph.domain.points)
+            reasons.append(str(error))
+            quality.append({})
+    return Shapes(np.array(points), outside_factors(lumen, morph.domain.description, given), reasons, quality)
+
+
+def outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return `Shapes.outside` of the vessels that a mesh cuts."""
+    kept = {name: interval for piece in description.pieces for name, interval in piece.items()}
+    found = {}
+    for vessel, cut in description.cut.items():
+        profile = lumen.profiles.get(vessel)
+        if profile is None:
+            continue
+        start, end = profile.law.arc[[0, -1]]
+        first, last = kept[profile.vessel]
+        whole = profile.factors(z)
+        second = f"{vessel}_downstream" if cut.upstream is not None else vessel
+        for name, side, part in ((vessel, cut.upstream, (start, first)), (second, cut.downstream, (last, end))):
+            if side is not None:
+                own = profile.between(*part)
+                # The mesh's shares are those of the segmented lumen; the network's values are those at the centre.
+                centre = {key: own.centre()[key] / profile.centre()[key] for key in side if key in whole}
+                for key, factor in own.factors(z).items():
+                    found[f"{name}.{key}"] = factor / whole[key] * centre[key]
+    return found
