@@ -53,8 +53,8 @@ def run(quick: bool, data: str | None = None) -> dict:
     Returns
     -------
     dict
-        `meshes` (costs), `own_lumens` (costs), `verification`, `convergence`. The nozzle's error is null if the laboratories' files are not
-        in `../shared`.
+        `meshes` and `own_lumens` (costs), `verification`, `convergence`. The nozzle's error is null if the
+        laboratories' files are not in `../shared`.
     """
     converged = convergence(data) if data else []  # first, so that a wrong folder is reported at once
     meshes, lumens = [], []
