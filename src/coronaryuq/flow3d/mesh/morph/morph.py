@@ -73,12 +73,13 @@ class Morph:
             An element would be inverted, or flatter than `FLATTEST` and than half the mesh's flattest.
         """
         one = {name: np.array([value]) for name, value in z.items() if name in self.lumen.names}
-        ratio = {name: self.lumen.ratio(name, own.arc, one)[0] for name, own in self._moves.items()}
         fork_ratio = {
             name: sum(weight * float(self.lumen.ratio(v, arc, one)[0, 0]) for v, (arc, weight) in fork.ends.items())
             for name, fork in self._forks.items()
         }
-        shift = displacement(self._moves, ratio, fork_ratio, len(self.domain.points))
+        shift = displacement(
+            self._moves, lambda name, arc: self.lumen.ratio(name, arc, one)[0], fork_ratio, len(self.domain.points)
+        )
         for nodes, normal in self._caps:  # caps stay in their planes
             shift[nodes] -= (shift[nodes] @ normal)[:, None] * normal
         if self._factor is not None:

@@ -1,10 +1,8 @@
-"""How the nodes on a mesh's surface follow the radii of the vessels: radially from each axis, forks as a whole.
+"""How the nodes on a mesh's surface follow the radii of the vessels: radially from each axis, forks as a whole."""
 
-All moves are linear in the ratios of radii, so that a draw costs one product per vessel.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,17 +18,44 @@ FADE = 5.0
 
 
 @dataclass(frozen=True)
-class Moves:
-    """What one vessel does to some nodes: `nodes` (k,), `arc` (k,) cm along it, and how far they move.
+class Axis:
+    """The axis of a vessel: arc lengths (m,), points (m, 3) and segmented radii (m,), cm."""
 
-    A node moves across the vessel by (ratio of radii there − 1) times `across` (k, 3) cm, and along it by (ratio of
-    fork − 1) times `along[fork]` (k, 3) cm.
+    arc: np.ndarray
+    points: np.ndarray
+    radii: np.ndarray
+
+    def point(self, arc: np.ndarray) -> np.ndarray:
+        """Return points (k, 3) at arc lengths (k,), straight on beyond the ends."""
+        beyond = arc - np.clip(arc, self.arc[0], self.arc[-1])
+        ends = np.diff(self.points[[0, 1]], axis=0)[0], np.diff(self.points[[-2, -1]], axis=0)[0]
+        first, last = (end / np.linalg.norm(end) for end in ends)
+        inside = np.stack([np.interp(arc, self.arc, self.points[:, k]) for k in range(3)], axis=-1)
+        return inside + np.where(beyond > 0.0, beyond, 0.0)[:, None] * last + np.minimum(beyond, 0.0)[:, None] * first
+
+
+@dataclass(frozen=True)
+class Moves:
+    """How some nodes follow one vessel: `nodes` (k,), their weight (k,), place `arc` (k,) cm along `axis`.
+
+    A node keeps its direction `across` (k, 3) cm from the axis, and moves along it by (ratio of fork - 1) times
+    `along[fork]` (k,) cm; its distance from the axis changes as the radius from the old place to the new one.
     """
 
     nodes: np.ndarray
+    weight: np.ndarray
+    axis: Axis
     arc: np.ndarray
     across: np.ndarray
     along: Mapping[str, np.ndarray]
+
+    def shift(self, radius_ratio: Callable[[np.ndarray], np.ndarray], fork_ratio: Mapping[str, float]) -> np.ndarray:
+        """Return the weighted displacement (k, 3) cm; radius_ratio: arc lengths → ratios of radii."""
+        place = self.arc + sum(((fork_ratio[fork] - 1.0) * own for fork, own in self.along.items()), 0.0)
+        before = np.interp(self.arc, self.axis.arc, self.axis.radii)
+        ratio = radius_ratio(place) * np.interp(place, self.axis.arc, self.axis.radii) / before
+        moved = self.axis.point(place) - self.axis.point(self.arc) + (ratio - 1.0)[:, None] * self.across
+        return self.weight[:, None] * moved
 
 
 @dataclass(frozen=True)
@@ -82,13 +107,12 @@ def surface_moves(tree: Tree, kept: Kept, points: np.ndarray, nodes: np.ndarray)
         own = np.flatnonzero(weight[name] > 0.0)
         if not len(own):
             continue
-        share = (weight[name][own] / total[own])[:, None]
         along = {
-            fork: share * _reach(tree, kept, fork, name, foot.place[own])[:, None] * foot.tangent[own]
-            for fork in meeting
-            if name in meeting[fork].ends
+            fork: _reach(tree, kept, fork, name, foot.place[own]) for fork in meeting if name in meeting[fork].ends
         }
-        moves[name] = Moves(nodes[own], foot.arc[own], share * foot.across[own], along)
+        moves[name] = Moves(
+            nodes[own], weight[name][own] / total[own], foot.axis, foot.arc[own], foot.across[own], along
+        )
     return moves
 
 
@@ -96,11 +120,12 @@ class _Feet:
     """Nearest places on one vessel's axis to points (k, 3).
 
     arc (k,), radius (k,) and depth (k,), the signed distance from the vessel's wall, cm; across (k, 3): offset from the
-    axis, across it; tangent (k, 3); place (k,): arc length of the point along the axis, beyond its ends too.
+    axis, across it; place (k,): arc length of the point along the axis, beyond its ends too.
     """
 
     def __init__(self, tree: Tree, name: str, interval: tuple[float, float], points: np.ndarray):
         arc, line, radii = smooth(tree[name], *interval)
+        self.axis = Axis(arc, line, radii)
         implicit = Implicit([Path(line, radii, np.full(len(arc), name), arc, 0.0)])
         _, segment, t = implicit.nearest(points)
 
@@ -110,11 +135,11 @@ class _Feet:
 
         offset = points - at(line)
         tangent = line[segment + 1] - line[segment]
-        self.tangent = tangent / np.linalg.norm(tangent, axis=1)[:, None]
-        beyond = np.einsum("ij,ij->i", offset, self.tangent)
+        tangent /= np.linalg.norm(tangent, axis=1)[:, None]
+        beyond = np.einsum("ij,ij->i", offset, tangent)
         self.arc, self.radius = at(arc), at(radii)
         self.depth = np.linalg.norm(offset, axis=1) - self.radius
-        self.across = offset - beyond[:, None] * self.tangent
+        self.across = offset - beyond[:, None] * tangent
         self.place = self.arc + beyond
 
 
@@ -142,15 +167,16 @@ def _forked_at_both_ends(tree: Tree, kept: Kept, name: str) -> bool:
 
 
 def displacement(
-    moves: Mapping[str, Moves], ratio: Mapping[str, np.ndarray], fork_ratio: Mapping[str, float], nodes: int
+    moves: Mapping[str, Moves],
+    radius_ratio: Callable[[str, np.ndarray], np.ndarray],
+    fork_ratio: Mapping[str, float],
+    nodes: int,
 ) -> np.ndarray:
     """Return the displacement (nodes, 3) cm of all nodes.
 
-    ratio: vessel → ratio of radii (k,) at its `arc`; fork_ratio: fork → its mean ratio.
+    radius_ratio: vessel and arc lengths (k,) → ratios of radii (k,); fork_ratio: fork → its mean ratio.
     """
     moved = np.zeros((nodes, 3))
     for name, own in moves.items():
-        moved[own.nodes] += (ratio[name] - 1.0)[:, None] * own.across
-        for fork, along in own.along.items():
-            moved[own.nodes] += (fork_ratio[fork] - 1.0) * along
+        moved[own.nodes] += own.shift(partial(radius_ratio, name), fork_ratio)
     return moved
