@@ -202,7 +202,7 @@ def test_a_wrong_target_is_reported(small_tree, tmp_path, mistake):
 def test_implausible_targets_are_reported_in_one_unit(small_tree, tmp_path):
     path = write_case(tmp_path, small_tree)
     (tmp_path / "targets.csv").write_text("PaoMean,x,123989.46\nPraMean,x,none\nEFLV,x,0.61\nAorCorSplit,x,4\n")
-    assert "targets: PaoMean 93 mmHg, EFLV 0.61, AorCorSplit 4 %" in check_case(path)[1]
+    assert "targets: PaoMean 93 mmHg, EFLV 0.61, AorCorSplit 4 %, AbsQin 83.33 mL" in check_case(path)[1]
 
 
 def test_targets_come_in_any_unit_of_their_kind_from_either_format(small_tree, tmp_path):

@@ -297,3 +297,23 @@ def test_a_label_mostly_off_the_map_is_refused(images, tmp_path):
     sitk.WriteImage(sitk.BinaryDilate(images[1], [2, 2, 2]), str(tmp_path / "label.nii"))
     with pytest.raises(InputError, match="more than 20% are invalid"):
         read(tmp_path, file="map.nii", length_unit="mm", label={"file": "label.nii", "values": [1]})
+
+
+@pytest.mark.parametrize("select", ["label", "threshold"])
+@pytest.mark.parametrize("thickness", [4, 7])
+def test_points_and_cells_of_one_map_give_one_wall(tmp_path, select, thickness):
+    """A slab between two planes of background, sampled at voxels' centres: as cells, and as points."""
+    n, h = 16, 0.5
+    wall = np.zeros((n, n, n))
+    wall[2:-2, 2:-2, 3 : 3 + thickness] = 1.0
+    flow = np.where(wall > 0, 2.0, 0.1)
+    cells = pv.ImageData(dimensions=(n + 1, n + 1, n + 1), spacing=(h, h, h))
+    points = pv.ImageData(dimensions=(n, n, n), spacing=(h, h, h), origin=(h / 2, h / 2, h / 2))
+    for grid, data in ((cells, cells.cell_data), (points, points.point_data)):
+        data["MBF"], data["label"] = flow.ravel(order="F"), wall.ravel(order="F")
+        grid.save(tmp_path / f"{'cells' if grid is cells else 'points'}.vti")
+    chosen = {"label": {"array": "label", "values": [1]}} if select == "label" else {"threshold": 1.0}
+    found = [read(tmp_path, file=f"{name}.vti", array="MBF", **chosen) for name in ("cells", "points")]
+    assert found[0].volume == pytest.approx(wall.sum() * h**3, rel=1e-9)
+    assert found[1].volume == pytest.approx(found[0].volume, rel=1e-9)
+    assert found[1].flow(TISSUE_DENSITY) == pytest.approx(found[0].flow(TISSUE_DENSITY), rel=1e-9)

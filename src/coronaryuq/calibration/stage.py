@@ -8,10 +8,11 @@ from coronaryuq.calibration.hyperaemic_flow import HyperaemicTarget
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import read_targets
 from coronaryuq.calibration.tuning import Goal, Tuned, tune_loop
-from coronaryuq.case.case_json import CaseSummary, read_case
+from coronaryuq.case.case_json import CaseSummary, TargetValue, read_case
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.units import to_cgs
-from coronaryuq.case.tables.targets import check_targets
+from coronaryuq.case.tables.needed_targets import complete_targets, heart_period
+from coronaryuq.case.tables.targets import BY_NAME, check_targets
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
@@ -91,7 +92,7 @@ def tune_files(
         If a target is missing or implausible.
     """
     network, system = to_cgs(read_network(network_json), settings.units, network_json)
-    targets = _check_needed(read_targets(targets_csv), targets_csv)
+    targets = _completed(read_targets(targets_csv), network, targets_csv, report)
     report(f"{network_json}: read as {system}; {targets_csv}: mean aortic pressure {targets['PaoMean']:.4g} mmHg")
     tuned = tune_loop(network, Goal(targets, HYPERAEMIA), settings, seed, threads, report)
     _write(tuned, out_dir)
@@ -104,6 +105,19 @@ def _write(tuned: Tuned, out_dir: str | Path) -> None:
     write_network(out / "hyperaemia.json", tuned.hyperaemia)
     write_csv(out / "parameters.csv", tuned.parameters)
     write_csv(out / "fit.csv", tuned.fit)
+
+
+def _completed(
+    targets: dict[str, float], network: Network, file: str | Path, report: Callable[[str], None]
+) -> dict[str, float]:
+    """Return the targets with those without which nothing can be tuned, by what was measured."""
+    given = {name: TargetValue(value=value, unit=BY_NAME[name].unit) for name, value in targets.items()}
+    own = float(network.heart.get("cardiac_cycle_period") or 1.0)
+    heart_period(given, own, file)
+    completed, notes = complete_targets(given, own, file)
+    for note in notes:
+        report(f"note: {note}")
+    return check_targets(completed, file)
 
 
 def _check_needed(targets: dict[str, float], file: str | Path) -> dict[str, float]:

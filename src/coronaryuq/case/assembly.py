@@ -27,6 +27,7 @@ from coronaryuq.case.network.units import to_cgs
 from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
 from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.case.settings import Settings
+from coronaryuq.case.tables.needed_targets import complete_targets, heart_period
 from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outlets, read_territory_flows
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
@@ -80,7 +81,10 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
     rows = read_outlets(folder / description.outlets)
     targets = read_case_targets(folder / description.targets) if description.targets else {}
     own_network = _read_own_network(folder, description)
-    period = description.period or (_period(own_network[0]) if own_network else DEFAULT_PERIOD)
+    targets_file = folder / description.targets if description.targets else path
+    period = heart_period(targets, description.period, targets_file)
+    period = period or (_period(own_network[0]) if own_network else DEFAULT_PERIOD)
+    targets, target_notes = complete_targets(targets, period, targets_file)
     notes: tuple[str, ...] = ()
     tree: Tree | None = None
     placed: PlacedOutlets | None = None
@@ -131,7 +135,7 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
         systemic=[bc for bc in topology.vessel_of if topology.kind(bc) == SYSTEMIC],
         stenoses=_stenoses(path, description, tree, stenoses, topology, outlets),
         targets=targets,
-        notes=[*notes, *wall.notes],
+        notes=[*notes, *target_notes, *wall.notes],
     )
     return AssembledCase(description, tree, stenoses, network, topology, summary, wall)
 

@@ -5,6 +5,7 @@ a bare `import coronaryuq`.
 """
 
 import os
+import warnings
 from functools import partial
 from typing import Any
 
@@ -17,6 +18,8 @@ njit: Any = partial(numba.njit, no_cfunc_wrapper=True)
 njit_inner: Any = partial(njit, no_cpython_wrapper=True)
 """`njit` for kernels that only other kernels call: without the entry for Python."""
 
+# What numba remarks on is for programmers, who see it when they run the tests of a kernel.
+warnings.filterwarnings("ignore", category=numba.NumbaWarning)
 numba_cache.choose_folder()
 # numba read the variable when it was imported.
 setattr(numba.config, "CACHE_DIR", os.environ.get(numba_cache.VARIABLE, ""))  # noqa: B010

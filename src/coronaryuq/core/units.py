@@ -33,6 +33,7 @@ PRESSURES = {"dyn/cm2": 1.0, "mmHg": MMHG, "Pa": 10.0, "kPa": 1e4}
 FLOWS = {"mL/s": 1.0, "cm3/s": 1.0, "mL/min": ML_PER_MIN, "L/min": L_PER_MIN}
 VOLUMES = {"mL": 1.0, "cm3": 1.0, "L": 1000.0}
 RATIOS = {"1": 1.0, "%": 0.01}
+RATES = {"1/min": 1.0, "bpm": 1.0, "1/s": 60.0, "Hz": 60.0}
 
 
 def perfusions(tissue_density: float = TISSUE_DENSITY) -> dict[str, float]:

@@ -15,6 +15,7 @@ from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, placed_stenoses
 from coronaryuq.case.case_json import CaseOutlet, read_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.io.vtk import read_vtk
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
 from coronaryuq.figures.render import Camera, Rendering, rendered
 from coronaryuq.figures.style import BRANCHES, saved
@@ -31,7 +32,7 @@ BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "
 def territories(case: str, lv: str, tree: str, output: str) -> None:
     """Draw myocardial blood flow, and the territory of each LV-perfusing outlet from the front and from behind."""
     outlets = read_case(case).lv_outlets
-    wall, vessels = pv.read(lv), read_tree(tree)
+    wall, vessels = read_vtk(lv), read_tree(tree)
     ends = np.array([outlet.point for outlet in outlets])
     labels = [outlet.label for outlet in outlets]
     centres = wall.cell_centers().points
@@ -174,7 +175,7 @@ def _first(fields: str, ending: str) -> pv.DataSet:
             )
         path = Path(folder, f"field{ending}")
         path.write_bytes(archive.read(names[0]))
-        return pv.read(path)
+        return read_vtk(path)
 
 
 def _within(piece: pv.PolyData, stenoses: list[Stenosis], tree: Tree) -> list[Stenosis]:

@@ -1,13 +1,16 @@
 """Read a lumen surface (STL, VTP, PLY), close it, and find its flat caps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from coronaryuq.case.anatomy.stl import read_stl
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.vtk import read_vtk
 
 SUFFIXES = (".stl", ".vtp", ".ply", ".obj", ".vtk")
 MOST_TRIANGLES = 5_000_000
@@ -79,18 +82,22 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
         raise InputError(path, None, None, "no such file")
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(path, None, path.suffix, f"unknown file type; known types: {', '.join(SUFFIXES)}")
-    try:
-        mesh = pv.read(path)
-    except Exception as error:
-        raise InputError(path, None, None, f"not a readable surface ({error})") from None
+    notes: tuple[str, ...] = ()
+    if path.suffix.lower() == ".stl":
+        corners, notes = read_stl(path)
+        numbers: Any = np.arange(3 * len(corners)).reshape(-1, 3)
+        mesh = pv.PolyData.from_regular_faces(corners.reshape(-1, 3), numbers)
+    else:
+        mesh = read_vtk(path)
     if not isinstance(mesh, pv.PolyData) or mesh.n_cells == 0:
-        raise InputError(path, None, None, "contains no surface")
+        raise InputError(path, None, None, "contains no surface; export the lumen as triangles (STL, VTP, PLY)")
     mesh.clear_data()
     mesh = mesh.triangulate().clean(tolerance=WELD, absolute=False)
     if mesh.n_cells > MOST_TRIANGLES:
         raise InputError(path, "triangles", mesh.n_cells, f"more than {MOST_TRIANGLES}; decimate the surface")
     points = np.asarray(mesh.points, dtype=float) * scale
-    return surface_of(points, np.asarray(mesh.regular_faces), path)
+    surface = surface_of(points, np.asarray(mesh.regular_faces), path)
+    return replace(surface, notes=(*notes, *surface.notes))
 
 
 def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "surface") -> Surface:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.perfusion.image_headers import EXPORT, Header, check_header, read_header
 from coronaryuq.core.errors import InputError
 
 IMAGE_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
@@ -16,10 +17,15 @@ FINEST = 2_000_000
 
 @dataclass(frozen=True)
 class Image:
-    """A scalar volume. values: (i, j, k). matrix: (4, 4), from voxel index to position in the file's length unit."""
+    """A scalar volume. values: (i, j, k). matrix: (4, 4), from voxel index to position in the file's length unit.
+
+    unit: length unit of positions if the header names one, else None. notes: of the header's contradictions.
+    """
 
     values: np.ndarray
     matrix: np.ndarray
+    unit: str | None = None
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -35,26 +41,22 @@ class Invalid:
         return f"{self.missing} missing and {self.negative} negative of {self.among} {self.kind}"
 
 
-def read_image(path: str | Path, like: Image | None = None, path_like: str | Path = "") -> Image:
+def read_image(
+    path: str | Path, like: Image | None = None, path_like: str | Path = "", placed_otherwise: bool = False
+) -> Image:
     """Read a volume; positions are LPS, as SimpleITK gives them for every format.
 
-    like: an image that must have the same grid (else InputError). Raises InputError for a missing or foreign file, a
-    vector image, a 2D image and an implausibly large one.
+    like: an image that must have the same grid (else InputError). placed_otherwise: whether a matrix or a registration
+    places the image, so that its header need not. Raises InputError for a missing or foreign file, a header without
+    position or with skewed axes, an image of several layers or of two dimensions, and an implausibly large one.
     """
     import SimpleITK as sitk
 
-    if not Path(path).is_file():
-        raise InputError(path, None, None, "no such file")
-    reader = sitk.ImageFileReader()
-    reader.SetFileName(str(path))
-    try:
-        reader.ReadImageInformation()
-        if int(np.prod(reader.GetSize(), dtype=float)) > LARGEST:
-            raise InputError(path, "size", reader.GetSize(), f"more than {LARGEST} voxels; crop the image")
-        image = reader.Execute()
-    except RuntimeError as error:
-        last = str(error).strip().splitlines()[-1]
-        raise InputError(path, None, None, f"not a readable image ({last})") from None
+    path = Path(path)
+    header = _checked_header(path, placed_otherwise)
+    image = _read(path)
+    if image.GetDimension() == 4:
+        image = image[:, :, :, 0]
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
         raise InputError(path, "size", image.GetSize(), "expected a 3D image with one value per voxel")
     values = np.asarray(sitk.GetArrayFromImage(image)).transpose(2, 1, 0)
@@ -63,7 +65,34 @@ def read_image(path: str | Path, like: Image | None = None, path_like: str | Pat
     matrix[:3, 3] = image.GetOrigin()
     if like is not None and (values.shape != like.values.shape or not np.allclose(matrix, like.matrix, atol=1e-3)):
         raise InputError(path, "grid", values.shape, f"differs from that of {path_like}; resample it onto that grid")
-    return Image(values, matrix)
+    # ITK converts the lengths of a NIfTI file to mm.
+    nifti = path.name.lower().endswith((".nii", ".nii.gz"))
+    return Image(values, matrix, "mm" if nifti and header.unit else header.unit, header.notes)
+
+
+def _checked_header(path: Path, placed_otherwise: bool) -> Header:
+    if not path.is_file():
+        raise InputError(path, None, None, "no such file")
+    header = read_header(path)
+    check_header(path, header, placed_otherwise)
+    return header
+
+
+def _read(path: Path):
+    """Read an image with SimpleITK, which keeps its own remarks to itself; `InputError` if it cannot."""
+    import SimpleITK as sitk
+
+    sitk.ProcessObject.SetGlobalWarningDisplay(False)
+    reader = sitk.ImageFileReader()
+    reader.SetFileName(str(path))
+    try:
+        reader.ReadImageInformation()
+        if int(np.prod(reader.GetSize(), dtype=float)) > LARGEST:
+            raise InputError(path, "size", reader.GetSize(), f"more than {LARGEST} voxels; crop the image")
+        return reader.Execute()
+    except RuntimeError:
+        remedy = f"damaged, truncated, or of another type than its name says; {EXPORT}"
+        raise InputError(path, None, None, remedy) from None
 
 
 def wall_cells(file, image: Image, label: np.ndarray | None, threshold: float | None, most_cells: int):
@@ -144,7 +173,9 @@ def register(file, fixed: str | Path, moving: str | Path) -> np.ndarray:
     for path in (fixed, moving):
         if not Path(path).is_file():
             raise InputError(file, "perfusion.registration", str(path), "no such file")
-    target, source = (sitk.Cast(_finite(sitk.ReadImage(str(p))), sitk.sitkFloat32) for p in (fixed, moving))
+        # The fixed image says where the anatomy lies; where the moving one lies does not matter.
+        _checked_header(Path(path), placed_otherwise=path is moving)
+    target, source = (sitk.Cast(_finite(_read(Path(path))), sitk.sitkFloat32) for path in (fixed, moving))
     rigid = sitk.CenteredTransformInitializer(
         target, source, sitk.Euler3DTransform(), sitk.CenteredTransformInitializerFilter.MOMENTS
     )
@@ -156,9 +187,9 @@ def register(file, fixed: str | Path, moving: str | Path) -> np.ndarray:
         start.SetCenter(rigid.GetCenter())
         start.SetTranslation(rigid.GetTranslation())
         affine = _fitted(target, source, start, [2 * finest, finest])
-    except RuntimeError as error:
-        last = str(error).strip().splitlines()[-1]
-        raise InputError(file, "perfusion.registration", str(moving), f"registration failed ({last})") from None
+    except RuntimeError:
+        remedy = "the images could not be registered: do they show the same region? If so, give perfusion.affine"
+        raise InputError(file, "perfusion.registration", str(moving), remedy) from None
     forward = np.array([affine.TransformPoint(p) for p in np.vstack([np.zeros(3), np.eye(3)])])
     # SimpleITK's transform maps fixed to moving positions; the map needs the inverse.
     matrix = np.eye(4)

@@ -12,6 +12,7 @@ from coronaryuq.case.description.fields import Label, Perfusion
 from coronaryuq.case.perfusion.cells import voxels_as_hexahedra
 from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, read_image, register, wall_cells
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.vtk import read_vtk
 from coronaryuq.core.units import LENGTHS, MBF_PER_MIN_PER_G, perfusions
 
 if TYPE_CHECKING:
@@ -26,6 +27,11 @@ PLAUSIBLE_VOLUME = (5.0, 800.0)
 """cm3: plausible volume of the wall."""
 DOUBTFUL, FARTHEST = 2.0, 5.0
 """cm: median distance of LV-perfusing outlets to the wall above which map and anatomy may be, or are, misaligned."""
+FAINT, MOST_FAINT = 0.1, 0.3
+"""Fraction of the highest flow below which tissue is not perfused, and largest fraction of the wall that it may be. A
+transmural scar has a third of the flow beside it; a larger part without flow is background."""
+MIRRORED_FROM = 1.0
+"""cm: median distance of outlets to the wall above which it is tried whether they are closer with x and y reversed."""
 MOST_INVALID = 0.2
 """Largest fraction of the wall whose invalid values are filled from their neighbours."""
 
@@ -58,35 +64,50 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
     path = folder / map_.file
     if not path.is_file():
         raise InputError(file, "perfusion.file", map_.file, "no such file")
-    grid, invalid = _cells(file, path, map_, folder, most_cells)
+    grid, invalid, notes = _cells(file, path, map_, folder, most_cells)
     grid = voxels_as_hexahedra(grid)
     grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), map_, folder)
     sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
     volumes = np.abs(np.asarray(sizes, dtype=float))
     if not (volumes > 0).any():
         raise InputError(path, "cells", grid.n_cells, "no cell has a volume; expected tetrahedra, hexahedra or voxels")
+    volumes *= np.asarray(grid.cell_data.get("share", np.ones(grid.n_cells)))
     values = np.asarray(grid.cell_data["value"], dtype=float)
+    _check_background(file, map_, values, volumes)
     _check_lengths(file, map_, grid, volumes)
-    values, notes = _filled(path, values, np.asarray(grid.cell_centers().points, dtype=float), invalid)
+    values, filled = _filled(path, values, np.asarray(grid.cell_centers().points, dtype=float), invalid)
     _check_unit(file, map_, values, volumes, tissue_density)
     grid.clear_data()
     grid.cell_data["Volume"] = volumes
     grid.cell_data["MBF"] = values * perfusions(tissue_density)[map_.unit]
-    return Wall(grid, notes)
+    return Wall(grid, (*notes, *filled))
 
 
 def distances_to_outlets(wall: Wall, outlets: Sequence[CaseOutlet]) -> np.ndarray:
     """Return the distance (n,), cm, of each LV-perfusing outlet from the wall."""
+    return _distances(np.asarray(wall.mesh.points, dtype=float), outlets)
+
+
+def _distances(wall: np.ndarray, outlets: Sequence[CaseOutlet]) -> np.ndarray:
     from scipy.spatial import cKDTree
 
     points = [outlet.point for outlet in outlets if outlet.perfuses == "LV"]
-    return cKDTree(np.asarray(wall.mesh.points, dtype=float)).query(np.array(points, dtype=float))[0]
+    return cKDTree(wall).query(np.array(points, dtype=float))[0]
 
 
 def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: Sequence[CaseOutlet]) -> tuple[str, ...]:
     """Return a note if the outlets lie far from the wall; raise InputError if the map is clearly misaligned."""
     distance = float(np.median(distances_to_outlets(wall, outlets)))
     finding = f"the wall lies {distance:.2g} cm (median) from the outlets that perfuse it"
+    if map_.affine is None and map_.registration is None and distance > MIRRORED_FROM:
+        turned = float(np.median(_distances(np.asarray(wall.mesh.points) * [-1, -1, 1], outlets)))
+        if turned < distance / 2:
+            remedy = (
+                f"{finding}; with x and y reversed it would be {turned:.2g} cm: one of map and anatomy is in RAS, the "
+                "other in LPS axes (images are read as LPS). Reverse x and y of one of them: for the map, "
+                "perfusion.affine with -1, -1, 1 (and its unit in cm) on the diagonal; if all is right, with 1, 1, 1"
+            )
+            raise InputError(file, "perfusion.file", map_.file, remedy)
     if distance > FARTHEST:
         alignment = "affine" if map_.affine is not None else "registration" if map_.registration is not None else None
         remedy = f"check the {alignment}" if alignment else "align it with affine or registration"
@@ -98,21 +119,29 @@ def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: Sequence
 
 
 def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
-    """Return the wall as a grid, and the count of its invalid values.
+    """Return the wall as a grid, the count of its invalid values, and notes.
 
-    Cell data `value` is in the map's unit, points are in the map's length unit.
+    Cell data `value` is in the map's unit, points are in the map's length unit; `share`, if it is there, is the part of
+    a cell that belongs to the wall.
     """
     name = path.name.lower()
     if name.endswith(IMAGE_SUFFIXES):
-        image = read_image(path)
+        placed_otherwise = map_.affine is not None or map_.registration is not None
+        image = read_image(path, placed_otherwise=placed_otherwise)
+        if image.unit is not None and image.unit != map_.length_unit:
+            remedy = f"the header of {map_.file} says {image.unit}; correct this, or the header"
+            raise InputError(file, "perfusion.length_unit", map_.length_unit, remedy)
         label = None
         if map_.label is not None:
             if map_.label.file is None:
                 raise InputError(
                     file, "perfusion.label.file", None, "missing; an image map needs its labels in a separate file"
                 )
-            label = np.isin(read_image(folder / map_.label.file, like=image, path_like=path).values, map_.label.values)
-        return wall_cells(file, image, label, map_.threshold, most_cells)
+            label_path = folder / map_.label.file
+            labels = read_image(label_path, image, path, placed_otherwise)
+            label = np.isin(labels.values, map_.label.values)
+        grid, invalid = wall_cells(file, image, label, map_.threshold, most_cells)
+        return grid, invalid, image.notes
     if not name.endswith(VTK_SUFFIXES):
         known = ", ".join((*VTK_SUFFIXES, *IMAGE_SUFFIXES))
         raise InputError(file, "perfusion.file", map_.file, f"unknown file type; known types: {known}")
@@ -122,11 +151,8 @@ def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
 def _from_vtk(file, path: Path, map_: Perfusion):
     import pyvista as pv
 
-    try:
-        mesh = pv.read(path)
-    except Exception as error:
-        raise InputError(path, None, None, f"not a readable VTK file ({error})") from None
-    if isinstance(mesh, pv.MultiBlock) or mesh.n_cells == 0:
+    mesh = read_vtk(path)
+    if mesh.n_cells == 0:
         raise InputError(path, "cells", mesh.n_cells, "expected one mesh with volume cells")
     arrays = sorted({*mesh.cell_data.keys(), *mesh.point_data.keys()} - {"vtkGhostType"})
     array = map_.array
@@ -140,25 +166,29 @@ def _from_vtk(file, path: Path, map_: Perfusion):
                 f"missing; choose among the map's arrays: {', '.join(arrays) or 'no array'}",
             )
         array = candidates[0]
-    values = _on_cells(file, "perfusion.array", mesh, array, arrays)
+    at_points = _scalar(file, "perfusion.array", mesh, array, arrays)
+    selected = _selected_points(file, mesh, map_, arrays, at_points, array not in mesh.cell_data)
+    values = _on_cells(mesh, array, at_points, selected)
     valid = np.isfinite(values) & (values >= 0)
-    keep = np.ones(mesh.n_cells, dtype=bool)
+    share = np.ones(mesh.n_cells)
     if map_.label is not None:
-        if map_.label.array is None:
-            raise InputError(
-                file, "perfusion.label.array", None, f"missing; choose among the map's arrays: {', '.join(arrays)}"
-            )
-        keep = _label_on_cells(file, mesh, map_.label, arrays)
-    if map_.threshold is not None:
-        keep = _largest_above(mesh, valid & (values > map_.threshold), ~valid)
+        share = _label_on_cells(mesh, map_.label) if selected is None else _average(mesh, selected)
+    if map_.threshold is not None and selected is None:
+        share = _largest_above(mesh, valid & (values > map_.threshold), ~valid).astype(float)
+    elif map_.threshold is not None and selected is not None:
+        usable = _average(mesh, np.isfinite(at_points) & (at_points >= 0))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(usable > 0, _average(mesh, selected) / usable, 1.0)
+        share *= _largest_above(mesh, (usable > 0) & (share > 0), usable == 0)
+    keep = share > 0
     if not keep.any():
         field = "perfusion.label" if map_.label is not None else "perfusion.threshold"
         raise InputError(file, field, map_.threshold, "selects no cell of the map")
     grid = pv.UnstructuredGrid(mesh.extract_cells(np.flatnonzero(keep).astype(int)))
     grid.clear_data()
-    grid.cell_data["value"] = values[keep]
+    grid.cell_data["value"], grid.cell_data["share"] = values[keep], share[keep]
     negative = int(np.count_nonzero(values[keep] < 0))
-    return grid, Invalid(int(np.count_nonzero(~valid[keep])) - negative, negative, int(keep.sum()), "cells")
+    return grid, Invalid(int(np.count_nonzero(~valid[keep])) - negative, negative, int(keep.sum()), "cells"), ()
 
 
 def _largest_above(mesh, above: np.ndarray, invalid: np.ndarray) -> np.ndarray:
@@ -182,40 +212,58 @@ def _largest_above(mesh, above: np.ndarray, invalid: np.ndarray) -> np.ndarray:
     return part
 
 
-def _on_cells(file, field: str, mesh, array: str, arrays: list[str]) -> np.ndarray:
-    """Return the array as cell values; point values are averaged over a cell's valid points."""
-    if array in mesh.cell_data:
-        values = np.asarray(mesh.cell_data[array], dtype=float)
-    elif array in mesh.point_data:
-        at_points = np.asarray(mesh.point_data[array], dtype=float)
-        if at_points.ndim == 1:
-            valid = np.isfinite(at_points) & (at_points >= 0)
-            work = mesh.copy(deep=False)
-            work.clear_data()
-            work.point_data["sum"], work.point_data["share"] = np.where(valid, at_points, 0.0), valid.astype(float)
-            averaged = work.point_data_to_cell_data()
-            with np.errstate(invalid="ignore", divide="ignore"):
-                return np.asarray(averaged.cell_data["sum"]) / np.asarray(averaged.cell_data["share"])
-        values = at_points
-    else:
+def _scalar(file, field: str, mesh, array: str, arrays: list[str]) -> np.ndarray:
+    """Return an array of cell or point values."""
+    found = mesh.cell_data.get(array) if array in mesh.cell_data else mesh.point_data.get(array)
+    if found is None:
         raise InputError(file, field, array, f"no such array; the map has {', '.join(arrays) or 'none'}")
+    values = np.asarray(found, dtype=float)
     if values.ndim != 1:
         raise InputError(file, field, array, f"has {values.shape[1]} components; expected one")
     return values
 
 
-def _label_on_cells(file, mesh, label: Label, arrays: list[str]) -> np.ndarray:
-    """Select the cells whose label, or that of at least half of whose points, is one of the wall's."""
-    name = label.array
-    if name in mesh.cell_data:
-        return np.isin(np.asarray(mesh.cell_data[name]), label.values)
-    if name in mesh.point_data:
-        inside = np.isin(np.asarray(mesh.point_data[name]), label.values)
-        work = mesh.copy(deep=False)
-        work.clear_data()
-        work.point_data["share"] = inside.astype(float)
-        return np.asarray(work.point_data_to_cell_data().cell_data["share"]) >= 0.5
-    raise InputError(file, "perfusion.label.array", name, f"no such array; the map has {', '.join(arrays)}")
+def _selected_points(file, mesh, map_: Perfusion, arrays: list[str], values: np.ndarray, at_points: bool):
+    """Return which points are in the wall, if label or threshold select points; None if they select cells, or nothing.
+
+    A point stands for the space around it: a cell belongs to the wall by the share of its points that do, so that a
+    map has the same wall by its points as by its cells.
+    """
+    if map_.label is not None:
+        name = map_.label.array
+        if name is None:
+            remedy = f"missing; choose among the map's arrays: {', '.join(arrays)}"
+            raise InputError(file, "perfusion.label.array", None, remedy)
+        labels = _scalar(file, "perfusion.label.array", mesh, name, arrays)
+        return None if name in mesh.cell_data else np.isin(labels, map_.label.values)
+    if map_.threshold is not None and at_points:
+        with np.errstate(invalid="ignore"):
+            return values > map_.threshold
+    return None
+
+
+def _average(mesh, values: np.ndarray) -> np.ndarray:
+    """Return the average of point values over the points of each cell."""
+    work = mesh.copy(deep=False)
+    work.clear_data()
+    work.point_data["values"] = values.astype(float)
+    return np.asarray(work.point_data_to_cell_data().cell_data["values"])
+
+
+def _on_cells(mesh, array: str, values: np.ndarray, selected: np.ndarray | None) -> np.ndarray:
+    """Return cell values; point values are averaged over a cell's valid points in the wall."""
+    if array in mesh.cell_data:
+        return values
+    valid = np.isfinite(values) & (values >= 0)
+    if selected is not None:
+        valid &= selected
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return _average(mesh, np.where(valid, values, 0.0)) / _average(mesh, valid)
+
+
+def _label_on_cells(mesh, label: Label) -> np.ndarray:
+    """Return 1 for cells whose label is one of the wall's, else 0."""
+    return np.isin(np.asarray(mesh.cell_data[label.array]), label.values).astype(float)
 
 
 def _to_anatomy(file, points: np.ndarray, map_: Perfusion, folder: Path) -> np.ndarray:
@@ -251,6 +299,25 @@ def _check_lengths(file, map_: Perfusion, grid, volumes: np.ndarray) -> None:
         raise InputError(
             file, "perfusion", f"{total:.3g} cm3", "implausible wall volume; check label, threshold and length_unit"
         )
+
+
+def _check_background(file, map_: Perfusion, values: np.ndarray, volumes: np.ndarray) -> None:
+    """Raise `InputError` if much of a map without label and threshold has next to no flow: it is not the wall alone."""
+    if map_.label is not None or map_.threshold is not None:
+        return
+    known = np.isfinite(values)
+    order = np.argsort(values[known])
+    reached = np.cumsum(volumes[known][order])
+    if not len(order) or reached[-1] <= 0:
+        return
+    low = FAINT * values[known][order][np.searchsorted(reached, 0.99 * reached[-1])]
+    share = float(volumes[known][values[known] < low].sum() / reached[-1])
+    if share > MOST_FAINT:
+        remedy = (
+            f"{share:.0%} of the map is below {low:.3g} {map_.unit}, {FAINT:.0%} of its highest values; give "
+            "perfusion.label or perfusion.threshold, which select the left ventricular wall"
+        )
+        raise InputError(file, "perfusion.threshold", None, remedy)
 
 
 def _check_unit(file, map_: Perfusion, values: np.ndarray, volumes: np.ndarray, tissue_density: float) -> None:

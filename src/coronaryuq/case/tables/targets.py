@@ -6,7 +6,7 @@ from pathlib import Path
 
 from coronaryuq.case.case_json import TargetValue
 from coronaryuq.core.errors import InputError, nearest
-from coronaryuq.core.units import PRESSURES, RATIOS, VOLUMES
+from coronaryuq.core.units import FLOWS, PRESSURES, RATES, RATIOS, VOLUMES
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,12 @@ example (Tran et al. 2017), halved for the two coronary ratios whose published s
 `_conv` targets are met by construction, because the loop is run to its periodic state; they are reported, not
 tuned."""
 
-BY_NAME = {target.name: target for target in TARGETS}
+OUTPUT_AND_RATE = (
+    Target("CO", "Cardiac output", "L/min", 0.02, (0.3, 30.0), True, True),
+    Target("HR", "Heart rate", "1/min", 0.02, (20.0, 300.0), True, True),
+)
+"""Measured instead of the stroke volume and the period, which follow from them (`needed_targets`)."""
+BY_NAME = {target.name: target for target in (*TARGETS, *OUTPUT_AND_RATE)}
 
 
 def check_targets(targets: Mapping[str, TargetValue], file: str | Path) -> dict[str, float]:
@@ -111,7 +116,7 @@ def _factor(target: Target, unit: str | None, file: str | Path) -> float:
     """Return the factor from `unit` to the target's own unit."""
     if unit is None or unit == target.unit:
         return 1.0
-    table = next(table for table in (PRESSURES, VOLUMES, RATIOS) if target.unit in table)
+    table = next(table for table in (PRESSURES, VOLUMES, RATIOS, FLOWS, RATES) if target.unit in table)
     if unit not in table:
         raise InputError(file, f"{target.name}.unit", unit, f"expected one of {', '.join(table)}")
     return table[unit] / table[target.unit]

@@ -1,5 +1,6 @@
-"""VTK files, with the failures of their readers and writers turned into errors."""
+"""VTK files, with the failures of their readers and writers turned into errors; VTK itself says nothing to the user."""
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,9 @@ from coronaryuq.core.io.atomic import replacing
 if TYPE_CHECKING:  # pyvista takes a second to import, and few of the jobs that import this module read VTK files
     import pyvista as pv
 
+XML_SUFFIXES = (".vtu", ".vtp", ".vti", ".vts", ".vtr", ".vtm")
+DAMAGED = "damaged, truncated, or of another type than its name says; export it again"
+
 
 def read_vtk(path: str | Path) -> "pv.DataSet":
     """Read a VTK file.
@@ -16,27 +20,45 @@ def read_vtk(path: str | Path) -> "pv.DataSet":
     Raises
     ------
     InputError
-        If the file is missing, empty, truncated or broken.
+        If the file is missing, empty, truncated, broken, or holds several data sets.
     """
     import pyvista as pv
+    from vtkmodules.vtkCommonCore import vtkObject
 
     path = Path(path)
     if not path.is_file():
         raise InputError(path, None, None, "no such file")
     # VTK reads a truncated file as an empty mesh and reports it only on its own error channel.
-    if path.suffix in (".vtu", ".vtp", ".vti"):
+    if path.suffix.lower() in XML_SUFFIXES:
         with open(path, "rb") as opened:
             opened.seek(max(0, path.stat().st_size - 200))
             if b"</VTKFile>" not in opened.read():
                 raise InputError(path, None, None, "empty or truncated VTK file; recreate it")
+    silence()
+    vtkObject.GlobalWarningDisplayOn()  # else the catcher hears nothing
     try:
-        with pv.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
-            data = pv.read(path)
-    except Exception as error:
-        raise InputError(path, None, None, f"not a readable VTK file ({error})") from None
-    if not isinstance(data, pv.DataSet) or data.n_points == 0:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with pv.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
+                data = pv.read(path)
+    except Exception:
+        raise InputError(path, None, None, DAMAGED) from None
+    finally:
+        silence()
+    if isinstance(data, pv.MultiBlock) and data.n_blocks > 1:
+        raise InputError(path, "blocks", data.n_blocks, "several data sets in one file; export one")
+    found = data[0] if isinstance(data, pv.MultiBlock) and data.n_blocks else data
+    if not isinstance(found, pv.DataSet) or found.n_points == 0:
         raise InputError(path, None, None, "has no points; recreate it")
-    return data
+    return found
+
+
+def silence() -> None:
+    """Keep VTK from printing: what it has to say is for programmers."""
+    from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
+
+    vtkObject.GlobalWarningDisplayOff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
 
 
 def write_vtk(path: str | Path, data: "pv.DataSet") -> None:

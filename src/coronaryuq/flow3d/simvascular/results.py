@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.vtk import read_vtk
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.adapter import Sample
 from coronaryuq.flow3d.fem.cross_section import section_weights
@@ -99,18 +101,12 @@ def record(
 
 def load(path: Path) -> Any:
     """Read a VTK file that a 3D code wrote; raise `RunFailed` if it is missing or truncated."""
-    import pyvista as pv
-
     if not path.is_file():
         raise RunFailed(f"{path.name} is missing: the run ended early")
-    with open(path, "rb") as opened:
-        opened.seek(max(0, path.stat().st_size - 200))
-        if b"</VTKFile>" not in opened.read():
-            raise RunFailed(f"{path.name} is truncated")
-    data = pv.read(path)
-    if data.n_points == 0:
-        raise RunFailed(f"{path.name} contains no points")
-    return data
+    try:
+        return read_vtk(path)
+    except InputError as error:
+        raise RunFailed(f"{path.name}: {error.remedy}") from None
 
 
 def field(data: Any, name: str, path: Path) -> np.ndarray:

@@ -1,0 +1,133 @@
+"""An image says where it lies and what it shows, or it is refused in one line."""
+
+import numpy as np
+import pytest
+
+from coronaryuq.case.case_json import CaseOutlet
+from coronaryuq.case.description.fields import Perfusion
+from coronaryuq.case.perfusion.perfusion_map import check_place, read_wall
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import TISSUE_DENSITY
+from support.images import ORIGIN, SIDE, SPACING, meta_image, nifti, nrrd, shell
+
+pytest.importorskip("SimpleITK")
+
+WRITERS = {"map.nii": nifti, "map.nii.gz": nifti, "map.nrrd": nrrd, "map.mha": meta_image}
+UNPLACED = {
+    "map.nii": {"codes": (0, 0)}, "map.nii.gz": {"codes": (0, 0)}, "map.nrrd": {"space": None},
+    "map.mha": {"offset": False},
+}  # fmt: skip
+IDENTITY = [[0.1, 0, 0, 0], [0, 0.1, 0, 0], [0, 0, 0.1, 0], [0, 0, 0, 1]]
+
+
+def read(folder, name, **more):
+    given = {"file": name, "unit": "mL/min/g", "length_unit": "mm"} | more
+    return read_wall(folder / "case.yaml", Perfusion(**given), TISSUE_DENSITY, 10**6)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_format_gives_the_same_wall_at_the_same_place(tmp_path, name):
+    WRITERS[name](tmp_path / name, shell())
+    wall = read(tmp_path, name)
+    centre = np.asarray(wall.mesh.center)
+    assert np.allclose(centre, (ORIGIN + (SIDE - 1) * SPACING / 2) / 10, atol=1e-5)
+    assert wall.volume == pytest.approx((shell() > 0).sum() * (SPACING / 10) ** 3, rel=1e-6) and wall.notes == ()
+
+
+@pytest.mark.parametrize("options", [{"order": ">"}, {"codes": (1, 0)}, {"codes": (1, 1)}, {"unit": 0}])
+def test_sound_headers_are_read(tmp_path, options):
+    nifti(tmp_path / "map.nii", shell(), **options)
+    assert np.allclose(read(tmp_path, "map.nii").mesh.center, (ORIGIN + (SIDE - 1) * SPACING / 2) / 10, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_an_image_without_position_is_refused_unless_the_case_places_it(tmp_path, name):
+    WRITERS[name](tmp_path / name, shell(), **UNPLACED[name])
+    with pytest.raises(InputError, match=f"{name}: position: the header does not say where the image lies"):
+        read(tmp_path, name)
+    assert read(tmp_path, name, affine=IDENTITY).volume > 0
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("skew", [0.05, 0.9])
+def test_skewed_axes_are_refused_with_the_remedy(tmp_path, capfd, name, skew):
+    WRITERS[name](tmp_path / name, shell(), skew=skew)
+    with pytest.raises(InputError, match="axes are not at right angles.*resample"):
+        read(tmp_path, name)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_sound_qform_does_not_hide_a_skewed_sform(tmp_path, capfd):
+    nifti(tmp_path / "map.nii", shell(), codes=(1, 1), skew=0.9)
+    with pytest.raises(InputError, match="axes are not at right angles.*resample"):
+        read(tmp_path, "map.nii")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_two_positions_that_differ_are_told(tmp_path):
+    nifti(tmp_path / "map.nii", shell(), codes=(1, 1), qform_shift=10.0)
+    (note,) = read(tmp_path, "map.nii").notes
+    assert "its two positions (sform, qform) are up to 10 apart" in note
+
+
+@pytest.mark.parametrize(
+    ("name", "options"), [("map.nii", {"frames": 2}), ("map.nrrd", {"layers": 2}), ("map.mha", {"channels": 2})]
+)
+def test_several_values_per_voxel_are_refused(tmp_path, name, options):
+    WRITERS[name](tmp_path / name, shell(), **options)
+    with pytest.raises(InputError, match="= 2: values per voxel.*export a single layer"):
+        read(tmp_path, name)
+
+
+def test_a_label_of_two_layers_is_refused(tmp_path):
+    nrrd(tmp_path / "map.nrrd", shell())
+    nrrd(tmp_path / "lv.seg.nrrd", (shell() > 0).astype(float), layers=2)
+    with pytest.raises(InputError, match=r"lv\.seg\.nrrd: header = 2: values per voxel"):
+        read(tmp_path, "map.nrrd", label={"file": "lv.seg.nrrd", "values": [1]})
+
+
+@pytest.mark.parametrize("length_unit", ["cm", "m"])
+def test_the_headers_unit_counts(tmp_path, length_unit):
+    nifti(tmp_path / "map.nii", shell())
+    with pytest.raises(InputError, match=rf"perfusion\.length_unit = '{length_unit}': the header of map\.nii says mm"):
+        read(tmp_path, "map.nii", length_unit=length_unit)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_faint_background_is_not_the_wall(tmp_path, name):
+    WRITERS[name](tmp_path / name, np.where(shell() > 0, shell(), 0.001))
+    with pytest.raises(InputError, match=r"perfusion\.threshold: \d+% of the map is below 0\.2 mL/min/g.*give.*label"):
+        read(tmp_path, name)
+    whole = read(tmp_path, name, threshold=1.0)
+    assert whole.volume == pytest.approx((shell() > 0).sum() * (SPACING / 10) ** 3, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("content", [b"", b"\0" * 400, b"NRRD0005\ntype: float\n\n", b"ObjectType = Image\n"])
+def test_broken_files_are_one_line_without_words_of_itk(tmp_path, capfd, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError) as error:
+        read(tmp_path, name)
+    assert "ITK" not in str(error.value) and capfd.readouterr() == ("", "")
+
+
+def outlets(points):
+    common = {"label": "LAD", "bc": "b", "vessel": "v", "block": "v", "perfuses": "LV", "branch": "LAD", "radius": 0.1}
+    return [CaseOutlet(name=f"o{k}", point=tuple(point), **common) for k, point in enumerate(points)]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_axes_of_the_wrong_side_are_told_by_where_the_map_lies(tmp_path, turned):
+    nrrd(tmp_path / "map.nrrd", shell())
+    map_ = Perfusion(file="map.nrrd", unit="mL/min/g", length_unit="mm")
+    wall = read(tmp_path, "map.nrrd")
+    wall.mesh.points += np.array([6.0, 4.0, 0.0])
+    surface = np.asarray(wall.mesh.points)[::500]
+    if not turned:
+        assert check_place("case.yaml", map_, wall, outlets(surface)) == ()
+        return
+    with pytest.raises(InputError, match="with x and y reversed it would be 0 cm: one of map and anatomy is in RAS"):
+        check_place("case.yaml", map_, wall, outlets(surface * [-1, -1, 1]))
+    sure = map_.model_copy(update={"affine": IDENTITY})
+    with pytest.raises(InputError, match="check the affine"):
+        check_place("case.yaml", sure, wall, outlets(surface * [-1, -1, 1]))
