@@ -63,6 +63,48 @@ def sampled(model, laws, settings, folder, relative_sd=0.2):
     return Chains.read(folder / "c.npz")
 
 
+CHOICE = UncertainParameter("member", "choice", 0.0, 1.0, "effect", {}, probabilities=(0.55, 0.3, 0.15))
+
+
+class Chosen(ResistorTree):
+    """A tree whose first epicardial resistance is one of three, by the column after the multipliers."""
+
+    def flows(self, inputs):
+        n = len(self.beds)
+        epicardial = np.tile(self.epicardial, (len(inputs), 1))
+        if inputs.shape[1] > n:
+            epicardial[:, 0] *= np.array([1.0, 4.0, 12.0])[inputs[:, n].astype(int)]
+        conductance = 1.0 / (epicardial + inputs[:, :n] * self.beds)
+        return self.pressure / (1.0 + self.shared * conductance.sum(axis=1, keepdims=True)) * conductance
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", [SETTINGS, PLAIN], ids=["independence", "plain"])
+@pytest.mark.parametrize("known", [False, True], ids=["unit unknown", "unit known"])
+def test_the_probability_of_each_choice_is_that_of_quadrature(tmp_path, settings, known):
+    """Prior probability times the evidence of the flows, by quadrature over the multipliers."""
+    model, laws = of(Chosen, 2), Laws([CHOICE])
+    settings = settings.model_copy(update={"scale_targets": not known})
+    chains = sampled(model, laws, settings, tmp_path, relative_sd=0.08)
+    likelihood = Likelihood(chains.target_mean, chains.target_covariance)
+    response = stage.respond(model, laws, model.flows(np.ones((1, 2)))[0])
+    space = Conditioned(model.weights, settings.prior, laws)
+    posterior = Posterior(model, space, likelihood, None, response, total_known=known)
+    y = np.linspace(*np.sort(space.coordinates(np.array([[0.5001, 0.0], [1.9999, 0.0]]) + [0.0, 1.0])[:, 0]), 20_001)
+    weights = []
+    for number, prior in enumerate(CHOICE.probabilities):
+        z = laws.coordinates(np.array([[float(number)]]))[0, 0]
+        density = posterior(np.column_stack([y, np.full(len(y), z)]))[0] + 0.5 * z**2
+        weights.append(prior * np.exp(density).sum())
+    expected = np.array(weights) / sum(weights)
+    drawn = chains.kept_parameters[:, :, 0]
+    size = min(effective_size((drawn == number)[..., None].astype(float), "bulk")[0] for number in range(3))
+    share = np.array([np.mean(drawn == number) for number in range(3)])
+    assert size > 300 and abs(expected[0] - 0.55) > 0.01, "the flows inform it"
+    assert np.all(np.abs(share - expected) < 4 * np.sqrt(expected * (1 - expected) / size))
+    assert not settings.emulator.use or chains.independent
+
+
 def moments_by_quadrature(posterior):
     """Mean and standard deviation of log m_0 and z of a posterior of two beds and one parameter."""
     z = np.linspace(-6, 6, 241)

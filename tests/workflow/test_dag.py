@@ -50,6 +50,36 @@ def test_more_samples_leave_the_old_ones_alone(finished):
     assert set(jobs) == {"flow3d_batch", "zerod_chunk", "samples"} | ESTIMATES
 
 
+TUNED_AGAIN = {"calibration", "posterior_chains", "posterior_draws", "posterior", "pressure_map", "samples"}
+RUN_AGAIN = {"flow3d_batch", "zerod_chunk"}
+ADOPTION = {
+    *("adoption_calibration", "adopt", "adopted_in_3d", "adoption_chains", "adoption_draws"),
+    *("adoption_prediction", "adoption_comparison"),
+}
+SEARCH = {"discrepancy_hidden", "discrepancy_search", "discrepancy_known", "discrepancy_figure"}
+
+
+def test_adoption_tunes_again_and_runs_all_that_follows_and_nothing_that_came_before(finished):
+    """Patient, case, perfusion and mesh are kept; the search reads a loop that is tuned before it."""
+    jobs = finished.dry_run(settings=changed(finished, discrepancy={"adopt": True}))
+    assert set(jobs) == TUNED_AGAIN | RUN_AGAIN | ADOPTION | SEARCH | ESTIMATES
+    assert jobs["adoption_prediction"] == 2 and jobs["calibration"] == jobs["adoption_calibration"] == 1
+    assert jobs["flow3d_batch"] == 2, "the loop beside the mesh has the effects"
+
+
+def test_adoption_switched_off_again_leaves_its_files_and_runs_the_campaign_as_before(checkout):
+    on = changed(checkout, discrepancy={"adopt": True})
+    with_it, without = (checkout.dry_run(settings=settings) for settings in (on, checkout.settings))
+    assert set(with_it) - set(without) == ADOPTION | SEARCH and not set(without) - set(with_it)
+
+
+def test_the_target_adopted_makes_no_3d_run(checkout):
+    jobs = checkout.dry_run("adopted", settings=changed(checkout, discrepancy={"adopt": True}))
+    assert set(jobs) >= ADOPTION and not {"flow3d_batch", "runs", "report"} & set(jobs)
+    refused = checkout.run("adopted", "--dry-run")
+    assert refused.returncode and "discrepancy.adopt = False: nothing is adopted; set true" in refused.stderr
+
+
 def test_a_coarse_level_adds_a_mesh_batches_and_0d_runs_and_leaves_the_rest_alone(finished):
     """Four coarse runs for each of sixteen fine ones: eight batches, and 0D runs at the additional inputs."""
     jobs = finished.dry_run(settings=changed(finished, flow3d={"coarse": {"runs_per_fine": 4}}))

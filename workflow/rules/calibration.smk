@@ -5,8 +5,7 @@ rule calibration:
     """Tune the closed loop to the patient's clinical targets."""
     input:
         case_json=rules.case.output.case_json,
-        # With the losses that 3D runs taught it, see losses.smk.
-        network_json=results("losses", "network.json") if teaches else rules.case.output.network_json,
+        network_json=results("adopted", "network.json") if adopts else untuned,
         targets_json=rules.perfusion.output.out_json,
     output:
         rest_json=results("calibration", "rest.json"),

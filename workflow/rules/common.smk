@@ -36,7 +36,9 @@ try:
     campaign, paths = given.campaign, Paths(given.campaign.name)
     results, log_of, cost_of = paths.results, paths.log, paths.cost
     targets = Targets(campaign)
-    tuned = results("calibration", "rest.json")
+    adopts = campaign.discrepancy.adopt
+    # The search reads a tuned loop: with adoption, the one before it.
+    tuned = results("adopted", "before", "rest.json") if adopts else results("calibration", "rest.json")
     searches = Searches(campaign.discrepancy, paths, tuned, campaign.case == "bundled", given.measurements)
     searches.check()
     start.announce(campaign, workflow.main_snakefile)
@@ -48,6 +50,8 @@ meshes, runs_3d = variants.meshes(campaign), variants.runs_3d(targets)
 study = variants.study_levels(targets, given.lumen)
 teaches = variants.teaches(campaign, given.in_3d)
 cached = start.cache_is_writable()
+# To be tuned: the case's network, or that with the losses that 3D runs taught it, see losses.smk.
+untuned = results("losses", "network.json") if teaches else results("case", "network.json")
 
 
 onstart:
@@ -207,6 +211,13 @@ def answers_required(wildcards):
         start.refuse(error)
 
 
+def adoption_required(wildcards):
+    """Return the comparison before and after adoption, or refuse a campaign that adopts nothing."""
+    if not adopts:
+        start.refuse(InputError("configuration", "discrepancy.adopt", False, "nothing is adopted; set true"))
+    return results("adopted", "comparison.json")
+
+
 def costs_of_study():
     """Costs of the jobs of the mesh study."""
     return [
@@ -229,6 +240,7 @@ def costs_of_campaign(wildcards):
         ),
         *(costs_of_study() if campaign.flow3d.mesh_study else []),
         *([cost_of(f"losses/{job}.json") for job in ("calibration", "runs", "fit")] if teaches else []),
+        *([cost_of(f"adopted/{job}.json") for job in ("calibration", "chains_1", "before", "after")] if adopts else []),
         *expand(cost_of("zerod/pilot_{k}.json"), k=ks["zerod_pilot"]),
         *expand(cost_of("zerod/propagation_{k}.json"), k=ks["zerod_propagation"]),
         *expand(cost_of("zerod/resampled_{k}.json"), k=targets.shares),

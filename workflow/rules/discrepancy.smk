@@ -4,7 +4,7 @@
 rule discrepancy_hidden:
     """Hide an effect in the tuned loop and measure it."""
     input:
-        rest=rules.calibration.output.rest_json,
+        rest=tuned,
     output:
         **searches.made("hidden"),
         truth=paths.discrepancy("hidden", "case", "truth.json"),

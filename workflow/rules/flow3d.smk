@@ -38,13 +38,18 @@ rule mesh_folder:
         "../scripts/stage.py"
 
 
+loop_in_3d = rules.calibration.output.hyperaemia_json
+if adopts or teaches:
+    loop_in_3d = results("adopted" if adopts else "losses", "hyperaemia_3d.json")
+
+
 rule flow3d_batch:
     """Run one batch of samples in 3D."""
     input:
         unpack(mesh_of),
         case_json=rules.case.output.case_json,
         tree_vtp=rules.case.output.tree_vtp,
-        network_json=results("losses", "hyperaemia_3d.json") if teaches else rules.calibration.output.hyperaemia_json,
+        network_json=loop_in_3d,
         draws_csv=draws(FIRST_CHAINS),
     output:
         records_jsonl=results("{run}", "batch_{k}.jsonl"),

@@ -32,6 +32,7 @@ rule report:
         unpack(end_of_growth),
         **({"mesh_study": rules.mesh_study.output.out_json} if campaign.flow3d.mesh_study else {}),
         **({"losses_fit": rules.losses.output.fit_json, "losses": rules.losses.output.losses_csv} if teaches else {}),
+        **({"adoption": rules.adoption_comparison.output.comparison_json} if adopts else {}),
         case=rules.case.output.case_json,
         fit=rules.calibration.output.fit_csv,
         targets=rules.perfusion.output.out_json,

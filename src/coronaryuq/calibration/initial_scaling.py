@@ -59,7 +59,9 @@ def _initial_condition(targets: Mapping[str, float]) -> dict[str, float]:
 
 
 def _beds(network: Network, kinds: tuple[str, ...]) -> list[dict]:
-    return [bc["bc_values"] for bc in network.boundary_conditions if bc["bc_type"] in kinds]
+    held = {name.rpartition(".")[0] for name in network.held}
+    beds = [bc for bc in network.boundary_conditions if bc["bc_type"] in kinds]
+    return [bc["bc_values"] for bc in beds if bc["bc_name"] not in held]
 
 
 def _parallel(beds: list[dict], members: tuple[str, ...]) -> float:

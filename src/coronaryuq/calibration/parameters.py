@@ -150,4 +150,5 @@ def changes(points: np.ndarray, network: Network) -> dict[str, np.ndarray]:
             for bc in network.boundary_conditions:
                 if bc["bc_type"] in kinds:
                     changed[f"{bc['bc_name']}.{member}"] = by_name[parameter.name] * bc["bc_values"][member]
-    return changed
+    held = network.held
+    return {name: value for name, value in changed.items() if name not in held}

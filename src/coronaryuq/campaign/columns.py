@@ -33,6 +33,7 @@ RUN: Columns = (
     ("cycle_error", "relative change over the last cycle", "1"),
     ("refinement", "factor by which the time step was reduced", "1"),
 )
+PREDICTED: Columns = (*SAMPLE, ("status", "ok or failed", "text"), ("ffr_.+", "fractional flow reserve by 0D", "1"))
 ROW: Columns = (
     ("row", "name of the estimated quantity", "text"),
     ("label", "3D quantity, 0D quantity, artery", "text"),

@@ -43,6 +43,20 @@ KINDS = (
     Kind(r"losses/fit\.json", "errors before and after, and the elements changed (docs/reference/formats.md)"),
     Kind(r"losses/network\.json", "0D network at rest with these losses, before tuning, svZeroDSolver JSON, CGS"),
     Kind(r"losses/hyperaemia_3d\.json", "the tuned loop for 3D runs, with the vessels' own losses, CGS"),
+    Kind(r"adopted/before/(?:rest|hyperaemia)\.json", "the loop tuned without what was adopted, CGS"),
+    Kind(r"adopted/before/parameters\.csv", "its tuned parameters", columns.PARAMETERS),
+    Kind(r"adopted/before/fit\.csv", "clinical targets, measured against simulated by it", columns.FIT),
+    Kind(r"adopted/before/length_\d+/chains(?:\.npz|/.+)", "chains of its posterior, and state to resume from"),
+    Kind(r"adopted/before/length_\d+/draws\.csv", "thinned draws of its posterior", columns.DRAWS),
+    Kind(
+        r"adopted/network\.json", "0D network at rest with the adopted effects, before tuning, svZeroDSolver JSON, CGS"
+    ),
+    Kind(r"adopted/hyperaemia_3d\.json", "the tuned loop for 3D runs, without effects inside their lumen, CGS"),
+    Kind(
+        r"adopted/(?:adoption|in_3d|comparison)\.json",
+        "what was adopted, what 3D cannot have of it, and FFR before and after (docs/explanation/adoption.md)",
+    ),
+    Kind(r"adopted/ffr_(?:before|after)\.csv", "FFR by 0D at samples of the posterior", columns.PREDICTED),
     Kind(r"posterior/length_\d+/chains\.npz", "every recorded state of every chain (docs/reference/formats.md)"),
     Kind(r"posterior/length_\d+/chains/.+", "state of the sampler, to resume from"),
     Kind(r"posterior/length_\d+/draws\.csv", "thinned draws from which samples are drawn", columns.DRAWS),
@@ -138,6 +152,7 @@ FOLDERS = {
     "perfusion": "target flows from the perfusion map",
     "calibration": "the tuned closed loop",
     "losses": "pressure losses that 3D runs teach the 0D model",
+    "adopted": "what the campaign adopted from the search, and its prediction before and after",
     "posterior": "posterior of the outlet resistances",
     "samples": "inputs of the runs",
     "mesh": "the 3D mesh",

@@ -17,7 +17,7 @@ CASE = {"model": "model.json", "measurements": "measurements.csv", "conditions":
 HIDING = {"hidden_effect", "hidden_size"}
 INPUTS = {
     *("model", "measurements", "conditions", "pairs", "recordings", "animals"),
-    *("held_out", "free_bed", "in_report", "benchmark"),
+    *("held_out", "free_bed", "in_report", "adopt", "benchmark"),
 }
 """Settings of the cases, as opposed to those of the search."""
 TABLES = ("tree", "residuals", "ranking", "sizes", "gap")
@@ -73,7 +73,24 @@ class Searches:
     def in_report(self) -> bool:
         """Whether the searches are part of the campaign and its report: by default if the case has measurements."""
         wanted = self.settings.in_report
-        return bool(self.names) and ("case" in self.cases if wanted is None else wanted)
+        return self.adopted is not None or bool(self.names) and ("case" in self.cases if wanted is None else wanted)
+
+    @property
+    def adopted(self) -> str | None:
+        """The case whose effects the campaign adopts, None if it adopts none.
+
+        Raises
+        ------
+        InputError
+            If there is no search of the campaign's loop.
+        """
+        if not self.settings.adopt:
+            return None
+        found = next((case for case in ("case", "hidden") if case in self.cases), None)
+        if found is None:
+            remedy = "there is no search of this campaign's loop; give measurements and conditions, or set false"
+            raise InputError("configuration", "discrepancy.adopt", True, remedy)
+        return found
 
     @cached_property
     def names(self) -> list[str]:
@@ -141,6 +158,7 @@ class Searches:
 
     def check(self) -> None:
         """Raise `InputError` for a file, an animal or a condition in the settings that does not exist."""
+        _ = self.adopted
         for field, path in self._named():
             if path and not Path(path).is_file():
                 raise InputError("configuration", f"discrepancy.{field}", path, "no such file")

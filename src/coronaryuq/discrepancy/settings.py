@@ -93,6 +93,12 @@ class Settings(BaseModel):
         description="Include the search in the campaign and its report; default: if there are measurements of the "
         "patient.",
     )
+    adopt: bool = Field(
+        False,
+        description="Adopt the effects that the search of the patient's measurements (of the bundled patient: of the "
+        "hidden case) names and confirms on data kept out: calibration, posterior, runs and estimates use the network "
+        "with them, their sizes uncertain as the search found them.",
+    )
     benchmark: Benchmark = Field(default_factory=Benchmark, description="Benchmark on hidden effects.")
     hidden_effect: EffectName = Field(
         "quadratic_stenosis", description="Effect to hide in the bundled patient's loop if no measurements are given."
@@ -172,6 +178,8 @@ class Settings(BaseModel):
             raise ValueError("measurements need a conditions file; give conditions")
         if (self.model or self.conditions) and not self.measurements:
             raise ValueError(f"model and conditions need measurements, got {files}; give measurements")
+        if self.adopt and self.model:
+            raise ValueError("adopt applies to the campaign's own loop; leave out model")
         if bool(self.recordings) != bool(self.animals):
             raise ValueError("recordings and animals belong together; give both or neither")
         if self.free_bed and not self.recordings:

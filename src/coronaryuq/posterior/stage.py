@@ -138,7 +138,7 @@ def run_chains(
     response = found.prepared.response if found else None
     if response is None and len(laws):
         response = ranks.run_on_first(lambda: respond(model, laws, fit.flows_at_r_hat))
-        fit = replace(fit, runs=fit.runs + 2 * len(laws))
+        fit = replace(fit, runs=fit.runs + 2 * len(laws) + len(response.chosen))
     posterior = Posterior(model, space, likelihood, ranks, response, total_known=not settings.scale_targets)
     if ranks.rank == 0:
         _warn_outside(fit.multipliers, settings.prior, names)

@@ -14,7 +14,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.estimation.results import RowReport, read_estimates
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.posterior.results import Summary, read_summary
-from coronaryuq.report import coarse_level, discrepancy, interval_targets, losses
+from coronaryuq.report import adoption, coarse_level, discrepancy, interval_targets, losses
 from coronaryuq.report.costs import costs
 from coronaryuq.report.discrepancy import embedded
 from coronaryuq.report.error_budget import includes
@@ -64,8 +64,8 @@ def write_report(
     ----------
     files
         Paths of `case`, `fit`, `summary`, `targets`, `failures`, `estimates`, `budget` and `mesh`; also `mesh_study` if
-        it was run, `losses_fit` and `losses` if 3D runs taught the 0D model, and `allocation` (of the last round) if
-        the campaign grew.
+        it was run, `losses_fit` and `losses` if 3D runs taught the 0D model, `adoption` if effects are adopted, and
+        `allocation` (of the last round) if the campaign grew.
     figures
         PNG files, named as in `CAPTIONS`.
     costs_of_jobs
@@ -82,6 +82,7 @@ def write_report(
     failures, estimates = read_json(files["failures"]), read_estimates(files["estimates"])
     rows = estimates.rows
     notes, mesh = Notes(), MeshError(files["mesh"], files.get("mesh_study"))
+    names = _outlet_names(case) | adoption.labels(files)
     context = {
         "case": case,
         "campaign": configuration["name"],
@@ -90,7 +91,7 @@ def write_report(
         "includes": includes([row.recommended_report for row in rows]),
         "low_shear": f"{configuration['flow3d']['low_shear']:g}",
         "counts": _counts(failures, rows, estimates.settings["curve_nodes"]),
-        "vessels": [vessel_card(stenosis.name, rows, _outlet_names(case), mesh) for stenosis in case.stenoses],
+        "vessels": [vessel_card(stenosis.name, rows, names, mesh) for stenosis in case.stenoses],
         "table": [table_row(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],
         "notes": notes.texts,
         "coarse_level": coarse_level.sentence(estimates.rows, estimates.coarse),
@@ -102,6 +103,7 @@ def write_report(
         "figures": _figures(figures),
         "searches": (found := discrepancy.searches(*searches)),
         "searches_title": discrepancy.title(found),
+        "adoption": adoption.adopted(files, invented=bool(found) and all(one["invented"] for one in found)),
         "failed": _failed(failures),
         "costs": costs(costs_of_jobs),
         "provenance": _provenance(estimates.provenance, files),

@@ -120,7 +120,7 @@ class LogLikelihood:
         flows = self._flows.flows(theta)
         if self._response is not None:
             z = self._laws.coordinates(theta[:, -len(self._laws) :])
-            flows = flows / np.exp(self._response.log_total(z))[:, None]
+            flows = flows / np.exp(self._response.log_total(self._laws.stepped(z)))[:, None]
         failed = ~np.isfinite(flows).all(axis=1)
         values = self._likelihood.log_density(np.where(failed[:, None], 0.0, flows))
         return ["the 0D run failed" if bad else [float(v)] for bad, v in zip(failed, values, strict=True)]

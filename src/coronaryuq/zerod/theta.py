@@ -6,7 +6,8 @@ file, which svZeroDSolver does not know. The file's own values are those at the 
 
     name            of the column
     distribution    "lognormal": median `centre`, standard deviation of the logarithm `spread`;
-                    "normal": mean `centre`, standard deviation `spread`
+                    "normal": mean `centre`, standard deviation `spread`;
+                    "choice": 0, 1, ... with `probabilities`, of kind effect only
     loadings        optional, name of an earlier entry → coefficient: what that entry's standard normal coordinate adds,
                     times the coefficient, to this value (to its logarithm); so correlated parameters are expressed
     kind, targets   how the network changes, see `KINDS`; `lumen`: by the network's part of this name, without targets
@@ -16,8 +17,9 @@ file, which svZeroDSolver does not know. The file's own values are those at the 
      "targets": {"LAD.R_poiseuille": -4.0, "LAD.C": 3.0}}
 
 The posterior samples their standard normal coordinates with the multipliers of the beds, so that measured flows inform
-them. To add a kind, write a subclass of `Kind` with `change`, and name it in `KINDS`; size zero of `spread` must leave
-the network unchanged to the bit. An effect of `zerod.effects` becomes one by what its `changes` return at two sizes.
+them. Entries of kind `effect` have several columns, see `zerod.effect_mixture`. To add a kind with one column per
+entry, write a subclass of `Kind` with `change`, and name it in `KINDS`; `spread`
+zero must leave the network unchanged to the bit.
 """
 
 from abc import ABC, abstractmethod
@@ -29,12 +31,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
+from scipy.special import ndtr, ndtri
 
 from coronaryuq.case.lumen.profiles import Lumen, lumen_of
 from coronaryuq.case.network.network import LUMEN, UNCERTAIN, Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.records import STATE
+from coronaryuq.zerod.effect_mixture import KIND, EffectMixture, Mixtures
 from coronaryuq.zerod.network.beds import SCALING, beds, resistance_changes
 from coronaryuq.zerod.network.blocks import finite
 from coronaryuq.zerod.network.numbering import Model
@@ -94,6 +98,7 @@ class UncertainParameter:
     kind: str
     targets: Mapping[str, float]
     loadings: Mapping[str, float] = field(default_factory=dict)
+    probabilities: tuple[float, ...] = ()
     meaning: str = ""
     unit: str = ""
     source: str = ""
@@ -113,6 +118,10 @@ class Laws:
         self.names = [one.name for one in parameters]
         self.centre = np.array([one.centre for one in parameters], dtype=float)
         self.logged = np.array([one.distribution == "lognormal" for one in parameters], dtype=bool)
+        self.choices = {
+            column: _limits(one.probabilities) for column, one in enumerate(parameters) if one.distribution == "choice"
+        }
+        """Column of each choice → the coordinates (k - 1,) at which the number that is chosen rises."""
         self.factor = np.diag([float(one.spread) for one in parameters]).reshape(len(parameters), len(parameters))
         for row, one in enumerate(parameters):
             for other, coefficient in one.loadings.items():
@@ -125,7 +134,17 @@ class Laws:
         """Return the values (n, k) at coordinates z (n, k); each row is summed in the same order, however many."""
         moved = np.sum(z[:, None, :] * self.factor[None], axis=2)
         with np.errstate(over="ignore"):
-            return np.where(self.logged, self.centre * np.exp(np.where(self.logged, moved, 0.0)), self.centre + moved)
+            found = np.where(self.logged, self.centre * np.exp(np.where(self.logged, moved, 0.0)), self.centre + moved)
+        return self.stepped(found)
+
+    def stepped(self, z: np.ndarray) -> np.ndarray:
+        """Return coordinates z (n, k) with those of choices replaced by the number that they choose."""
+        if not self.choices:
+            return z
+        found = z.copy()
+        for column, limits in self.choices.items():
+            found[:, column] = np.searchsorted(limits, z[:, column])
+        return found
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         """Return the coordinates z (n, k) of values (n, k); 0 where a parameter without spread leaves them open."""
@@ -136,7 +155,14 @@ class Laws:
             spread = self.factor[row, row]
             rest = moved[:, row] - np.sum(z[:, :row] * self.factor[row, :row], axis=1)
             z[:, row] = rest / spread if spread > 0 else 0.0
+        for column, limits in self.choices.items():
+            ends = ndtr(np.concatenate([[-np.inf], limits, [np.inf]]))
+            z[:, column] = ndtri(0.5 * (ends[:-1] + ends[1:]))[values[:, column].astype(int)]
         return z
+
+
+def _limits(probabilities: Sequence[float]) -> np.ndarray:
+    return ndtri(np.clip(np.cumsum(probabilities)[:-1], 0.0, 1.0))
 
 
 class Theta:
@@ -155,8 +181,9 @@ class Theta:
 
     def __init__(self, network: Network, file: str | Path = "network"):
         self.network, self.file = network, file
-        self.parameters = _parameters(network, file)
-        self.laws = Laws(self.parameters)
+        self.parameters, mixtures = _parameters(network, file)
+        self.mixtures = Mixtures(network, mixtures)
+        self.laws = Laws([*self.parameters, *(column for one in mixtures for column in _columns_of(one))])
         self.lumen = lumen_of(network, file)
         if self.lumen is not None or any(one.kind == LUMEN for one in self.parameters):
             _check_lumen(self.lumen, self.parameters, self._own, file)
@@ -185,9 +212,14 @@ class Theta:
             for target, coefficient in one.targets.items():
                 present = changes.get(target, self._own[target])
                 changes[target] = KINDS[one.kind].change(present, value, one.centre, coefficient)
+        if self.mixtures.mixtures:
+            changes = self.mixtures.apply(changes, self._own, theta)
         if self.lumen is not None and any(name in theta for name in self.lumen.names):
             for target, factor in self.lumen.factors(theta).items():
-                changes[target] = changes.get(target, self._own[target]) * factor
+                present = changes.get(target, self._own[target])
+                # What a missing effect adds to a vessel is not the lumen's.
+                without = self.mixtures.absent.get(target)
+                changes[target] = present * factor if without is None else present + without * (factor - 1.0)
         return changes
 
 
@@ -232,14 +264,28 @@ def read_theta(
     return theta
 
 
-def _parameters(network: Network, file: str | Path) -> list[UncertainParameter]:
+def _columns_of(mixture: EffectMixture) -> list[UncertainParameter]:
+    """Return the laws of the columns of a mixture."""
+    columns = [UncertainParameter(name, "normal", 0.0, 1.0, KIND, {}) for name in mixture.size_columns]
+    if mixture.member_column:
+        shares = tuple(member.probability for member in mixture.members)
+        columns.append(UncertainParameter(mixture.member_column, "choice", 0.0, 1.0, KIND, {}, probabilities=shares))
+    return columns
+
+
+def _parameters(network: Network, file: str | Path) -> tuple[list[UncertainParameter], list[EffectMixture]]:
     entries = network.get(UNCERTAIN, [])
     found: list[UncertainParameter] = []
+    mixtures: list[EffectMixture] = []
     if not entries:
-        return []
+        return [], []
     scalars, taken = Model(network, file).parameters, {*TAKEN, *beds(network)}
     for number, entry in enumerate(entries):
         where = f"{UNCERTAIN}[{number}]"
+        if entry.get("kind") == KIND:
+            mixtures.append(_mixture(entry, where, file, {*taken, *scalars}, scalars))
+            taken |= {column.name for column in _columns_of(mixtures[-1])}
+            continue
         one = _parameter(entry, where, file)
         if not one.name or one.name in taken:
             raise InputError(file, f"{where}.name", one.name, "expected a name that is no bed's nor another column's")
@@ -251,7 +297,21 @@ def _parameters(network: Network, file: str | Path) -> list[UncertainParameter]:
                 raise InputError(file, f"{where}.targets", target, "no such scalar parameter in the network")
         taken.add(one.name)
         found.append(one)
-    return found
+    return found, mixtures
+
+
+def _mixture(
+    entry: Mapping[str, Any], where: str, file: str | Path, taken: set[str], scalars: Mapping[str, float]
+) -> EffectMixture:
+    """Return an entry of kind effect, checked against the network's scalar parameters and the columns taken."""
+    mixture = EffectMixture.read(entry, where, file)
+    for column in _columns_of(mixture):
+        if column.name in taken:
+            raise InputError(file, f"{where}.name", mixture.name, "expected a name whose columns are no others'")
+    for target in mixture.absent:
+        if target not in scalars:
+            raise InputError(file, f"{where}.members", target, "no such scalar parameter in the network")
+    return mixture
 
 
 def _check_lumen(

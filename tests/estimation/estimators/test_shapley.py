@@ -124,3 +124,20 @@ def test_intervals_hold_the_error_of_prediction_and_propagation():
         if effect > 0.1:
             assert np.sqrt(np.mean([value.std**2 for value in of])) == pytest.approx(values.std(), rel=0.3)
             assert abs(values.mean() - effect) < 4 * values.std() / np.sqrt(trials)
+
+
+@pytest.mark.parametrize("share", [0.12, 0.4])
+def test_a_choice_has_the_share_of_its_variance(share):
+    """Of y = b + z / 2, b the choice of 1 with probability p, its effect is p (1 - p) / (p (1 - p) + 1 / 4)."""
+    rng = generator(5, "shapley", "choice")
+    values = [np.column_stack([rng.uniform(size=m) < share, rng.normal(size=m)]).astype(float) for m in (200, 3000)]
+    (x, further), y = values, values[0] @ [1.0, 0.5]
+    design = as_design(
+        Trial(Seen(x, x[:, 0], x), y, Seen(further, further[:, 0], further)), assign(200, 5, 5, "choice")
+    )
+    found = shapley.effects(design, ROW, predict(design, ROW, simple=True)).shapley
+    variance = share * (1 - share)
+    choice, other = found.values()
+    # The expansion follows a step with a few polynomials; what it misses is shared by neither.
+    assert choice.value == pytest.approx(variance / (variance + 0.25), abs=0.12)
+    assert choice.value + other.value == pytest.approx(1.0, abs=1e-6)

@@ -118,6 +118,12 @@ class Network(dict[str, Any]):
             activation = block["activation_function"]
             yield Element("chambers", block["name"], activation["type"], activation)
 
+    @property
+    def held(self) -> set[str]:
+        """Parameters, "BLOCK.parameter", that a missing effect sets: they are not tuned."""
+        members = (member for entry in self.get(UNCERTAIN, []) for member in entry.get("members", []))
+        return {target for member in members if member["acts"] for target in member["absent"]}
+
     def for_svzerodsolver(self) -> "Network":
         """Return the network without the parts that svZeroDSolver does not know; blocks are not copied."""
         return Network({key: value for key, value in self.items() if key not in (UNCERTAIN, LUMEN)})

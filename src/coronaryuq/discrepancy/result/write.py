@@ -47,6 +47,7 @@ def summary(found: Discovery) -> dict:
         "prior_conflicts_remaining": conflicts[1],
         "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
         "named": told,
+        "scales": _scales(found.problem.forward.anatomy),
         "probabilities": [
             {
                 "none": entry.probabilities["none"],
@@ -151,7 +152,24 @@ def _member(found: Discovery, entry: Round, candidate: Candidate) -> dict:
         "effect": candidate.effect.name,
         "place": candidate.place,
         "probability": found.probability(entry, candidate),
+        "side": candidate.effect.side,
+        "standard_sizes": _standard_sizes(found, candidate),
     }
+
+
+def _standard_sizes(found: Discovery, candidate: Candidate) -> dict:
+    """Return mean and covariance of the sizes of a member in standard deviations of their priors."""
+    fit, columns = candidate.fitted, slice(-len(candidate.effect.parameters), None)
+    if candidate.placed in found.hypothesis.effects:
+        fit, columns = found.fit, found.hypothesis.columns(found.fit.z, candidate.placed)
+    mean, covariance = fit.posterior.moments()
+    return {"mean": mean[columns].tolist(), "covariance": covariance[columns, columns].tolist()}
+
+
+def _scales(anatomy: Anatomy) -> dict:
+    """Return the run of the unmodified model that the sizes refer to, in the network's units."""
+    flow = {name: anatomy.flow_scale(name) for name in anatomy.vessels}
+    return {"pressure": float(anatomy.pressure), "period": float(anatomy.period), "flow": flow}
 
 
 WRITTEN = (

@@ -47,6 +47,8 @@ SAMPLES_PER_TERM = 3
 EXPLAINED = 0.95
 """Share of the predictions' variance that the expansion must explain."""
 JITTER = 1e-9
+CHOICES = 12
+"""Distinct values up to which an input is a choice: its samples are spread over the scores that its values share."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ def effects(
     theta = design.runs.theta_more[index]
     moving = np.flatnonzero(np.ptp(theta, axis=0) > 0)
     members = _members([design.runs.inputs[j] for j in moving], groups or {})
-    scores = np.column_stack([ndtri((rankdata(theta[:, j]) - 0.5) / len(theta)) for j in moving])
+    scores = np.column_stack([_scores(theta[:, j], design.runs.inputs[j]) for j in moving])
     rng = generator(0, "estimation", "shapley", row.column_3d)
     some = np.linspace(0, len(index) - 1, min(SAMPLES, len(index))).round().astype(int)
     expansion = _Expansion.fit(scores[some], values[some])
@@ -108,6 +110,15 @@ def effects(
         {name: _value(drawn, level, warning) for name, drawn in zip(members, of, strict=True)}
         for of in (shapley, total)
     ))  # fmt: skip
+
+
+def _scores(values: np.ndarray, name: str) -> np.ndarray:
+    """Return the normal scores (n,) of an input; equal values of a choice are ranked at random."""
+    ranks = rankdata(values)
+    if len(np.unique(values)) <= CHOICES:
+        ties = generator(0, "estimation", "shapley", "ties", name).uniform(size=len(values))
+        ranks[np.lexsort((ties, values))] = np.arange(1, len(values) + 1)
+    return ndtri((ranks - 0.5) / len(values))
 
 
 def _value(drawn: np.ndarray, level: float, warning: str | None) -> Value:

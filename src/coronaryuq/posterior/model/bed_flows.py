@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.beds import distal_resistances, resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
@@ -57,7 +58,9 @@ class BedFlows:
         self.network = read_network(network_json) if network is None else network
         self.engine, self.theta = Engine(self.network, network_json), Theta(self.network, network_json)
         self.beds = list(vessels)
-        self.quantities = [f"mean_flow:{vessel}:{bed}" for bed, vessel in vessels.items()]
+        # An adopted branch ends the vessel ahead of a stub to the bed.
+        feeding = {**vessels, **Topology(self.network).vessel_of}
+        self.quantities = [f"mean_flow:{feeding[bed]}:{bed}" for bed in self.beds]
         self.tolerance, self.steps_per_cycle, self.threads = tolerance, steps_per_cycle, threads
         totals = distal_resistances(self.network)
         for bed in self.beds:

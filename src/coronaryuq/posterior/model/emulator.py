@@ -31,6 +31,7 @@ class Emulator:
     def fit(cls, y: np.ndarray, multipliers: np.ndarray, flows: np.ndarray) -> "Emulator":
         """Least squares on runs of the model: y (n, d), multipliers and flows (n, N)."""
         centre, scale = y.mean(axis=0), y.std(axis=0)
+        scale = np.where(scale > 0, scale, 1.0)
         features = _features((y - centre) / scale)
         response = np.log(flows * multipliers)
         fold = np.arange(len(y)) % 10
@@ -50,9 +51,10 @@ class Emulator:
     def screen(self, space: Conditioned, likelihood: Likelihood) -> Callable[[np.ndarray], np.ndarray]:
         """Return the emulated log posterior (n,) as a function of x (n, d), up to the constant of `Posterior`."""
         low, high = space.prior
+        stepped = space.stepped
         fixed = (space.basis, self.centre, self.scale, np.ascontiguousarray(self.coefficients.T),
                  likelihood.mean, likelihood.whitening, likelihood.log_constant, low, high)  # fmt: skip
-        return lambda y: _log_posterior(np.ascontiguousarray(y), *fixed)
+        return lambda y: _log_posterior(np.ascontiguousarray(y), np.ascontiguousarray(stepped(y)), *fixed)
 
 
 def design_size(dimension: int) -> int:
@@ -95,7 +97,7 @@ def _features(z: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _log_posterior(y, basis, centre, scale, coefficients, mean, whitening, constant, low, high):
+def _log_posterior(y, smooth, basis, centre, scale, coefficients, mean, whitening, constant, low, high):
     n, d = y.shape
     outlets, beds = basis.shape
     result = np.empty(n)
@@ -104,7 +106,7 @@ def _log_posterior(y, basis, centre, scale, coefficients, mean, whitening, const
     for row in range(n):
         prior = 0.0
         for a in range(d):
-            z[a] = (y[row, a] - centre[a]) / scale[a]
+            z[a] = (smooth[row, a] - centre[a]) / scale[a]
         for i in range(outlets):
             relative = 1.0
             for a in range(beds):

@@ -27,18 +27,30 @@ class FlowModel(Protocol):
 class Response:
     """What each uncertain parameter alone does to the flows at r-hat.
 
-    above, below (k, N): flows with its coordinate at 1 and at -1. centre (N,): with all at 0.
+    above, below (k, N): flows with its coordinate at 1 and at -1; that of a choice: at its centre. centre (N,): with
+    all at 0. chosen (c, N): flows with each value of each choice, one choice after the other. numbers (k,): how many of
+    these each parameter has, 0 unless it is a choice.
     """
 
     above: np.ndarray
     below: np.ndarray
     centre: np.ndarray
+    chosen: np.ndarray
+    numbers: np.ndarray
 
     def log_total(self, z: np.ndarray) -> np.ndarray:
-        """Return log total flow over that at z = 0, (n,), at coordinates z (n, k): the sum of a quadratic in each."""
+        """Return log total flow over that at the centres, (n,), at stepped coordinates z (n, k) (`Laws.stepped`).
+
+        The sum of a quadratic in each, and of a constant for each value of a choice.
+        """
         centre, above, below = (np.log(flows.sum(axis=-1)) for flows in (self.centre, self.above, self.below))
         linear, square = 0.5 * (above - below), 0.5 * (above + below) - centre
-        return np.sum(linear * z + square * z**2, axis=1)
+        total = np.sum(linear * z + square * z**2, axis=1)
+        for column in np.flatnonzero(self.numbers).tolist():
+            first = int(self.numbers[:column].sum())
+            own = self.chosen[first : first + int(self.numbers[column])]
+            total = total + (np.log(own.sum(axis=1)) - centre)[z[:, column].astype(int)]
+        return total
 
     @property
     def slope(self) -> np.ndarray:
@@ -57,13 +69,21 @@ def respond(model: FlowModel, laws: Laws, centre: np.ndarray) -> Response:
     Raises `RuntimeError` if the model fails there.
     """
     k, beds = len(laws), len(centre)
-    z = np.vstack([np.eye(k), -np.eye(k)])
-    flows = model.flows(np.hstack([np.ones((2 * k, beds)), laws.values(z)]))
+    still = np.diag([float(column not in laws.choices) for column in range(k)]).reshape(k, k)
+    at = laws.values(np.vstack([still, -still]))
+    # A choice is at 0 in all runs but its own.
+    at[:, list(laws.choices)] = 0.0
+    numbers = np.array([len(laws.choices[c]) + 1 if c in laws.choices else 0 for c in range(k)])
+    own = np.tile(laws.values(np.zeros((1, k))), (int(numbers.sum()), 1))
+    own[:, list(laws.choices)] = 0.0
+    own[range(len(own)), np.repeat(range(k), numbers)] = np.concatenate([np.arange(n) for n in numbers])
+    values = np.vstack([at, own])
+    flows = model.flows(np.hstack([np.ones((len(values), beds)), values]))
     failed = ~np.all(flows > 0, axis=1)
     if np.any(failed):
-        name = laws.names[int(np.argmax(failed)) % k]
-        raise RuntimeError(f"the model fails one standard deviation from the centre of {name}; give it less spread")
-    return Response(flows[:k], flows[k:], centre)
+        name = [*laws.names, *laws.names, *np.repeat(laws.names, numbers)][int(np.argmax(failed))]
+        raise RuntimeError(f"the model fails near the centre of {name}; give it less spread")
+    return Response(flows[:k], flows[k : 2 * k], centre, flows[2 * k :], numbers)
 
 
 class Posterior:
@@ -89,7 +109,7 @@ class Posterior:
         flows = self.ranks.map_rows(self.model.flows, self.space.inputs(x))
         if self.response is None or self.total_known:
             return flows
-        return flows / np.exp(self.response.log_total(self.space.standard(x)))[:, None]
+        return flows / np.exp(self.response.log_total(self.space.laws.stepped(self.space.standard(x))))[:, None]
 
     @property
     def slope(self) -> np.ndarray | None:

@@ -62,6 +62,12 @@ class Conditioned:
         """Return the standard normal coordinates z (n, k)."""
         return x[:, self.basis.shape[1] :]
 
+    def stepped(self, x: np.ndarray) -> np.ndarray:
+        """Return the coordinates with those of choices replaced by the number that they choose, for an emulator."""
+        if not self.laws.choices:
+            return x
+        return np.hstack([x[:, : self.basis.shape[1]], self.laws.stepped(self.standard(x))])
+
     def inputs(self, x: np.ndarray) -> np.ndarray:
         """Return multipliers and values of the uncertain parameters (n, N + k)."""
         return _joined(self.multipliers(x), self.standard(x), self.laws)

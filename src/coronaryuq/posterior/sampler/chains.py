@@ -43,7 +43,7 @@ def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> P
         lambda n: design(space, likelihood, fit.multipliers, fit.flows, n, random, slope=posterior.slope),
         count,
     )
-    emulator = posterior.ranks.run_on_first(lambda: Emulator.fit(y, space.multipliers(y), flows))
+    emulator = posterior.ranks.run_on_first(lambda: Emulator.fit(space.stepped(y), space.multipliers(y), flows))
     prepared = Prepared(fit, emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
     if not settings.independence.use:
         return prepared

@@ -9,7 +9,9 @@ def split_rhat(draws: np.ndarray) -> np.ndarray:
     """Return the rank-normalised split R-hat (N,) of `draws` (chains, n, N)."""
     from arviz_stats.base import array_stats
 
-    return np.array([float(array_stats.rhat(draws[:, :, i], method="rank")) for i in range(draws.shape[2])])
+    # Chains that have not moved have no variance.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.array([float(array_stats.rhat(draws[:, :, i], method="rank")) for i in range(draws.shape[2])])
 
 
 def effective_size(draws: np.ndarray, kind: str) -> np.ndarray:

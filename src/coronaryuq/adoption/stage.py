@@ -1,0 +1,163 @@
+"""Rule functions of adoption: the network with what a search confirmed, and the prediction before and after."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from coronaryuq.adoption.choice import Choice, Placed, chosen
+from coronaryuq.adoption.in_3d import for_3d
+from coronaryuq.adoption.network import with_effects
+from coronaryuq.case.case_json import CaseSummary, read_case
+from coronaryuq.core.io.atomic import read_json, write_json
+from coronaryuq.core.io.tables import read_csv, write_csv
+from coronaryuq.core.provenance import checksum
+from coronaryuq.flow3d.mesh.description import read_description
+from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network.read import read_network, write_network
+from coronaryuq.zerod.settings import Settings as ZeroDSettings
+from coronaryuq.zerod.stage import LoopModel, ffr_locations
+from coronaryuq.zerod.theta import Theta, read_theta
+
+Z_90 = 1.6448536269514722
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+def adopt(
+    case_json: str | Path, base_json: str | Path, searched_json: str | Path, answer_json: str | Path,
+    measurements: str | Path, network_json: str | Path, adoption_json: str | Path,
+) -> None:  # fmt: skip
+    """Write the campaign's network with the effects that a search named and confirmed, and what was adopted.
+
+    Parameters
+    ----------
+    case_json
+        The case, whose 0D locations no effect may rename.
+    base_json
+        Network to be tuned, at rest: the case's, or that with losses learnt from 3D.
+    searched_json
+        The tuned loop at rest that was searched.
+    answer_json, measurements
+        `discrepancy.json` of the search, and the table that it searched.
+    network_json
+        Network to write: equal to the base if nothing is adopted.
+    adoption_json
+        What was adopted, why not, and where it is from.
+    """
+    answer, case = read_json(answer_json, ("named", "scales", "held_out")), read_case(case_json)
+    choice = chosen(answer)
+    source = _source(answer, measurements)
+    base = read_network(base_json)
+    adopted = with_effects(
+        base, read_network(searched_json), choice.classes, answer["scales"], _locations(case), source
+    )
+    Theta(adopted.network, network_json)
+    write_network(network_json, adopted.network)
+    classes = [_described(members, adopted.refused, source) for members in choice.classes]
+    write_json(adoption_json, _summary(choice, classes, answer))
+
+
+def in_3d(
+    hyperaemia_json: str | Path, case_network_json: str | Path, mesh_json: str | Path, out_json: str | Path,
+    refused_json: str | Path,
+) -> None:  # fmt: skip
+    """Write the tuned loop for 3D runs, with those effects that lie outside the 3D domain, and which do not."""
+    network, refused = for_3d(
+        read_network(hyperaemia_json), read_network(case_network_json), read_description(mesh_json)
+    )
+    write_network(out_json, network)
+    write_json(refused_json, {"refused": refused})
+
+
+def predict(
+    network_json: str | Path, case_json: str | Path, samples_csv: str | Path, settings: ZeroDSettings,
+    out_csv: str | Path,
+) -> None:  # fmt: skip
+    """Run a table of θ through the 0D loop, and write the FFR of every sample."""
+    count = len(read_csv(samples_csv, ("sample",)))
+    model, names = LoopModel(network_json, case_json, settings), list(ffr_locations(read_case(case_json)))
+    theta = read_theta(samples_csv, 0, count, model.network, network_json)
+    batches = [model.run(theta.iloc[k : k + settings.batch]) for k in range(0, count, settings.batch)]
+    runs = pd.concat(batches, ignore_index=True)
+    write_csv(out_csv, runs[["sample", "status", *names]])
+
+
+def compare(
+    case_json: str | Path, adoption_json: str | Path, before_csv: str | Path,
+    after_csv: str | Path, zones: Sequence[float], comparison_json: str | Path, refused_json: str | Path | None = None,
+) -> None:  # fmt: skip
+    """Write what was adopted beside the FFR of the 0D posterior predictive distribution before and after it.
+
+    zones: rising limits of FFR between the zones whose probabilities are given; at or below the last lies the rest.
+    """
+    tables = {"before": read_csv(before_csv), "after": read_csv(after_csv)}
+    names = {f"ffr_{stenosis.name.lower()}": stenosis.name for stenosis in read_case(case_json).stenoses}
+    rows = [
+        {"branch": branch, **{when: _predicted(table[column], zones) for when, table in tables.items()}}
+        for column, branch in names.items()
+    ]
+    refused = read_json(refused_json)["refused"] if refused_json else {}
+    content = read_json(adoption_json) | {"ffr": rows, "zones": list(zones), "not_in_3d": refused}
+    write_json(comparison_json, content | {"samples": {when: len(table) for when, table in tables.items()}})
+
+
+def _predicted(values: pd.Series, zones: Sequence[float]) -> dict[str, Any]:
+    ran = values.dropna().to_numpy(dtype=float)
+    low, median, high = np.quantile(ran, QUANTILES).tolist()
+    below = [float(np.mean(ran <= limit)) for limit in zones]
+    return {
+        "median": median, "low": low, "high": high,
+        "zones": np.diff([0.0, *below, 1.0]).tolist(), "failed": int(values.isna().sum()),
+    }  # fmt: skip
+
+
+def _locations(case: CaseSummary) -> list[str]:
+    places = [place for one in case.stenoses for place in (one.ffr, one.flow, one.root)]
+    return [case.aorta.pressure, *places]
+
+
+def _source(answer: Mapping[str, Any], measurements: str | Path) -> str:
+    count, held = answer["facts"]["measurements"], ", ".join(answer["held_out"]["conditions"])
+    return (
+        f"search of {count} fitted values of {Path(measurements).as_posix()} (SHA-256 {checksum(measurements)[:12]}); "
+        f"kept out: {held}"
+    )
+
+
+def _described(members: Sequence[Placed], refused: Mapping[str, str], source: str) -> dict[str, Any]:
+    """Return a class as the page shows it."""
+    rows = []
+    for one in members:
+        rows.append(
+            {
+                "effect": one.effect, "place": one.place, "probability": one.probability, "sizes": _sizes(one),
+                "refused": refused.get(one.label, ""), "measurement": one.measurement,
+            }
+        )  # fmt: skip
+    return {"members": rows, "source": source}
+
+
+def _sizes(one: Placed) -> list[dict[str, Any]]:
+    found = []
+    for j, parameter in enumerate(effect(one.effect).parameters):
+        sd = float(np.sqrt(one.covariance[j][j]))
+        low, value, high = (float(parameter.from_standard(one.mean[j] + k * sd)) for k in (-Z_90, 0.0, Z_90))
+        found.append(
+            {"name": parameter.name, "meaning": parameter.meaning, "unit": parameter.unit, "value": value,
+             "low": low, "high": high}
+        )  # fmt: skip
+    return found
+
+
+def _summary(choice: Choice, classes: list[dict[str, Any]], answer: Mapping[str, Any]) -> dict[str, Any]:
+    acting = [one for entry in classes for one in entry["members"] if not one["refused"]]
+    held = answer["held_out"]
+    gap = {
+        when: {"misfit": held[when]["misfit"], "interval_90": held[when]["interval_90"]} for when in ("before", "after")
+    }
+    return {
+        "adopted": bool(acting), "reason": choice.reason, "classes": classes, "gap": gap,
+        "held_out": held["conditions"], "scheme": held["scheme"],
+    }  # fmt: skip

@@ -1,0 +1,110 @@
+"""A network with adopted effects, kind by kind; what cannot act in it, and what lies inside the 3D domain."""
+
+import pytest
+
+from coronaryuq.adoption.in_3d import INSIDE, for_3d
+from coronaryuq.adoption.network import with_effects
+from coronaryuq.case.network.network import UNCERTAIN
+from coronaryuq.flow3d.mesh.coupling.cut_network import cut_network
+from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription, Remainder
+from coronaryuq.zerod.network.numbering import Model
+from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.theta import Theta
+from support.adopted_effects import KINDS, SCALES, adopted, placed
+from support.small_loop import loop
+
+FLOWS = ["mean_flow:J0:lca1", "mean_flow:J0:lca2", "mean_pressure:J_heart_outlet:aorta"]
+
+
+def cap(name, upstream, downstream, flow):
+    return Face(name=name, kind="cap", couples=Couples(upstream=upstream, downstream=downstream, flow=flow))
+
+
+MESH = MeshDescription(
+    faces=[
+        cap("inlet_lca1", "J0", "lca1", "in"),
+        cap("outlet_lca1", "lca1", "lca1", "out"),
+        cap("inlet_lca2", "J0", "lca2", "in"),
+        cap("outlet_lca2", "lca2", "BC_lca2", "out"),
+    ],
+    replaces=["lca2"],
+    cut={"lca1": Remainder(downstream={"R_poiseuille": 0.3, "L": 0.3, "C": 0.3})},
+    regions={},
+    planes={},
+)
+"""The first part of lca1, and the whole of lca2."""
+
+
+@pytest.mark.parametrize("name", ["side_branch_leak", "collateral", "aortic_stenosis", "diffuse_narrowing"])
+def test_an_adopted_effect_changes_the_flow_and_its_absence_does_not(name):
+    network = adopted([placed(name, z=1.0)])
+    with_it, plain = (Engine(one).run_to_periodic(quantities=FLOWS) for one in (network, loop()))
+    absent = Engine(network).run_to_periodic(Theta(network).mixtures.absent, quantities=FLOWS)
+    change = max(abs(with_it.values[one][0] / plain.values[one][0] - 1) for one in FLOWS)
+    assert change > 0.002
+    for one in FLOWS:
+        assert absent.values[one][0] == pytest.approx(plain.values[one][0], rel=1e-5)
+
+
+def test_the_hearts_value_is_that_of_the_loop_that_was_searched():
+    searched = loop()
+    searched.heart["parameters"]["Rlv_ao"] *= 3.0
+    network = with_effects(loop(), searched, [[placed("aortic_stenosis")]], SCALES).network
+    rise = Theta(network).mixtures.mixtures[0].members[0]
+    assert rise.absent["CLH.Rlv_ao"] == searched.heart["parameters"]["Rlv_ao"]
+    assert network.heart["parameters"]["Rlv_ao"] > searched.heart["parameters"]["Rlv_ao"]
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "says"),
+    [
+        ("pressure_offset", "lca1:BC_lca1", "error of a sensor"),
+        ("autoregulation", "all beds", "follow the pressures"),
+        ("incomplete_hyperaemia", "all beds", "condition of the case"),
+        ("exchanged_outlets", "BC_lca1~BC_lca2", "wiring"),
+    ],
+)
+def test_what_cannot_act_leaves_the_network_as_it_is_and_gives_a_reason(name, place, says):
+    one = placed(name, measurement=name == "pressure_offset")
+    one = type(one)(one.effect, place, *list(vars(one).values())[2:])
+    found = with_effects(loop(), loop(), [[one]], SCALES)
+    assert found.network == loop() and UNCERTAIN not in found.network
+    assert says in found.refused[one.label]
+
+
+def test_an_element_at_a_place_that_the_case_reads_is_refused():
+    found = with_effects(loop(), loop(), [[placed("quadratic_stenosis")]], SCALES, ["J0:lca1"])
+    assert "J0:lca1" in found.refused["quadratic stenosis at lca1"] and UNCERTAIN not in found.network
+
+
+def test_nothing_to_adopt_is_the_same_network():
+    assert with_effects(loop(), loop(), [], SCALES).network == loop()
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [("side_branch_leak", True), ("aortic_stenosis", True), ("haematocrit", False), ("diffuse_narrowing", False)],
+)
+def test_3d_gets_what_lies_outside_its_domain(name, kept):
+    """A leak behind the outlet and the heart; not a narrowing of a vessel inside, nor the viscosity of the lumen."""
+    tuned = adopted([placed(name, 0.7), placed("pressure_offset", 0.3, True)])
+    tuned.bed_values("BC_lca1")["Ra"] *= 1.1
+    network, refused = for_3d(tuned, loop(), MESH)
+    label = f"{name.replace('_', ' ')} at {KINDS[name][0]}"
+    assert refused == ({} if kept else {label: INSIDE})
+    assert Theta(network).columns == Theta(tuned).columns, "the same samples run in 0D and 3D"
+    Model(cut_network(network, MESH).network)
+    assert network.bed_values("BC_lca1")["Ra"] == tuned.bed_values("BC_lca1")["Ra"]
+    own, plain = Engine(network).parameters, Engine(loop()).parameters
+    still = [target for target in Theta(tuned).mixtures.absent if target in plain and own[target] == plain[target]]
+    assert bool(still) != kept or name == "side_branch_leak"
+    theta = {column: [0.4] for column in Theta(network).laws.names}
+    assert bool(set(Theta(network).mixtures.absent) & set(Theta(network).changes(theta))) == kept
+
+
+def test_a_campaign_without_effects_runs_its_own_loop_in_3d():
+    tuned = loop()
+    tuned.bed_values("BC_lca1")["Ra"] *= 1.1
+    network, refused = for_3d(tuned, loop(), MESH)
+    assert refused == {} and network["vessels"] == tuned["vessels"]
+    assert network["boundary_conditions"] == tuned["boundary_conditions"]
