@@ -27,7 +27,7 @@ POSTERIOR = Settings(
     dream=DreamSettings(generations=1000), independence=IndependenceSettings(draws=65), scaling=(0.999, 1.001)
 )
 STENOSIS = {
-    "name": "LAD", "vessel": "lca1", "ffr": "lca1:BC_lca1", "flow": "lca1:BC_lca1", "root": "aorta:J0",
+    "name": "LAD", "vessel": "lca1", "ffr": "lca1:BC_lca1", "flow": "J0:lca1", "root": "aorta:J0",
     "outlet": "BC_lca1",
 }  # fmt: skip
 ROOT, DISTAL = "J_heart_outlet:aorta", "lca1:BC_lca1"

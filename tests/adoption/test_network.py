@@ -77,6 +77,14 @@ def test_an_element_at_a_place_that_the_case_reads_is_refused():
     assert "J0:lca1" in found.refused["quadratic stenosis at lca1"] and UNCERTAIN not in found.network
 
 
+def test_locations_that_the_case_reads_are_known_by_their_new_names():
+    """A loss ahead of a vessel, and a leak behind it."""
+    network = adopted([placed("quadratic_stenosis")], [placed("side_branch_leak")])
+    renamed, known = Theta(network).mixtures.renamed, Engine(network).unknowns
+    assert set(renamed) == {"J0:lca1", "lca1:BC_lca1"}
+    assert all(f"flow:{new}" in known and f"flow:{old}" not in known for old, new in renamed.items())
+
+
 def test_nothing_to_adopt_is_the_same_network():
     assert with_effects(loop(), loop(), [], SCALES).network == loop()
 

@@ -71,10 +71,15 @@ def with_mixtures(network: Network, searched: Network, mixtures: Iterable[Effect
     acting = [one for one in mixtures if any(member.acts for member in one.members)]
     tuned = {block["bc_name"] for block in network.boundary_conditions}
     plain = network.deep_copy()
+    renamed: dict[str, str] = {}
     for mixture in acting:
         for member in mixture.members:
-            if member.acts and member.law.inserts(member.place, _anatomy(plain, mixture.scales)):
-                plain = member.law.insert(plain, member.place, _anatomy(plain, mixture.scales))
+            anatomy = _anatomy(plain, mixture.scales)
+            if member.acts and member.law.inserts(member.place, anatomy):
+                fresh = member.law.aliases(member.place, anatomy)
+                later = {old: fresh.get(new, new) for old, new in renamed.items()}
+                renamed = later | {old: new for old, new in fresh.items() if old not in renamed.values()}
+                plain = member.law.insert(plain, member.place, anatomy)
     hearts = {f"{HEART}.{name}": value for name, value in _heart(searched).items()}
     pairs = [(one, member) for one in acting for member in one.members if member.acts]
     touched = {target for one, member in pairs for target in _at_mean(plain, one, member)}
@@ -90,7 +95,7 @@ def with_mixtures(network: Network, searched: Network, mixtures: Iterable[Effect
             if member is mixture.members[0]:
                 for name in held:
                     values[name] = values.get(name, own.get(name, 0.0)) + targets[name] - own.get(name, 0.0)
-        entries.append(replace(mixture, members=tuple(members)).content())
+        entries.append(replace(mixture, members=tuple(members), renamed=renamed).content())
     found = with_changes(plain, values)
     if entries:
         found[UNCERTAIN] = [*found.get(UNCERTAIN, []), *entries]

@@ -114,8 +114,8 @@ def _predicted(values: pd.Series, zones: Sequence[float]) -> dict[str, Any]:
 
 
 def _locations(case: CaseSummary) -> list[str]:
-    places = [place for one in case.stenoses for place in (one.ffr, one.flow, one.root)]
-    return [case.aorta.pressure, *places]
+    """Return the locations that are read by name alone."""
+    return [case.aorta.pressure]
 
 
 def _source(answer: Mapping[str, Any], measurements: str | Path) -> str:

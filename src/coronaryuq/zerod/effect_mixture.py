@@ -7,6 +7,7 @@ An entry of `uncertain_parameters` (`zerod.theta`) of kind `effect` has
     scales      pressure, period and flow (by vessel) of the model that the sizes refer to
     members     list of {effect, place, probability, acts, mean, covariance, absent}: mean (k,) and covariance (k, k) of
                 the sizes in standard deviations of their priors; absent: "BLOCK.parameter" → value without the effect
+    renamed     0D locations of the network without the effects → their names in this one
     meaning, source     optional texts
 
 The file's own values are those with the first member at the mean of its sizes. A target that is listed under `absent`
@@ -16,7 +17,7 @@ cannot have) leaves all targets as they are without any effect.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,7 @@ class EffectMixture:
     scales: Mapping[str, Any]
     meaning: str = ""
     source: str = ""
+    renamed: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def dimension(self) -> int:
@@ -98,6 +100,7 @@ class EffectMixture:
             for one in self.members
         ]  # fmt: skip
         held = {"name": self.name, "kind": KIND, "scales": dict(self.scales), "members": members}
+        held |= {"renamed": dict(self.renamed)} if self.renamed else {}
         return held | {name: getattr(self, name) for name in TEXTS if getattr(self, name)}
 
     @classmethod
@@ -111,7 +114,9 @@ class EffectMixture:
                 )
                 for one in entry["members"]
             )  # fmt: skip
-            mixture = cls(entry["name"], members, entry["scales"], *(entry.get(name, "") for name in TEXTS))
+            texts = {name: entry.get(name, "") for name in TEXTS}
+            renamed = dict(entry.get("renamed", {}))
+            mixture = cls(entry["name"], members, entry["scales"], renamed=renamed, **texts)
             for member in members:
                 member.sizes(np.zeros((1, len(member.mean))))
             total = sum(member.probability for member in members)
@@ -140,6 +145,11 @@ class Mixtures:
     def absent(self) -> dict[str, float]:
         """Every held target without any effect."""
         return {target: value for mixture in self.mixtures for target, value in mixture.absent.items()}
+
+    @property
+    def renamed(self) -> dict[str, str]:
+        """0D locations of the network without the effects → their names in this one."""
+        return {old: new for mixture in self.mixtures for old, new in mixture.renamed.items()}
 
     @cached_property
     def _without(self) -> Network:

@@ -1,7 +1,7 @@
 """Rule function of the 0D stage: a chunk of samples in, one row per sample out."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -80,7 +80,9 @@ class LoopModel:
         self.theta = Theta(self.network, network_path)
         case = read_case(case_path)
         solver = choose.make(settings.backend, self.network, network_path)
-        places, self._ratios = locations(case, solver.unknowns, case_path), ffr_locations(case)
+        renamed = self.theta.mixtures.renamed
+        places = locations(case, solver.unknowns, case_path, renamed)
+        self._ratios = {name: renamed.get(at, at) for name, at in ffr_locations(case).items()}
         measured = [f"{statistic}_{kind}:{at}" for at in places for kind in KINDS for statistic in STATISTICS]
         more = [f"mean_pressure:{at}" for at in self._ratios.values()]
         self._quantities = list(dict.fromkeys([*measured, *more]))
@@ -148,12 +150,18 @@ def ffr_locations(case: CaseSummary) -> dict[str, str]:
     return {f"ffr_{stenosis.name.lower()}": stenosis.ffr for stenosis in case.stenoses}
 
 
-def locations(case: CaseSummary, unknowns: list[str], file: str | Path = "case.json") -> list[str]:
-    """Return the 0D locations "A:B" whose flow and pressure are recorded; `InputError` if one is missing."""
+def locations(
+    case: CaseSummary, unknowns: list[str], file: str | Path = "case.json", renamed: Mapping[str, str] | None = None
+) -> list[str]:
+    """Return the 0D locations "A:B" whose flow and pressure are recorded; `InputError` if one is missing.
+
+    renamed: the case's names of locations → those in this network.
+    """
+    now = renamed or {}
     known = [name.removeprefix("flow:") for name in unknowns if name.startswith("flow:")]
     found = [case.aorta.pressure]
     for stenosis in case.stenoses:
-        found += [stenosis.root, stenosis.flow, stenosis.ffr]
+        found += [now.get(at, at) for at in (stenosis.root, stenosis.flow, stenosis.ffr)]
         found += [at for at in known if stenosis.vessel in at.split(":")]
         found += [at for at in known if at.split(":")[1] == stenosis.outlet]
     perfusing = {outlet.bc for outlet in case.lv_outlets}

@@ -23,6 +23,7 @@ from coronaryuq.discrepancy.result.vessels_of import vessels_of
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.next_measurement import next_measurements
+from coronaryuq.zerod.effects.anatomy import Anatomy
 
 
 def summary(found: Discovery) -> dict:
