@@ -123,7 +123,7 @@ def test_recordings_with_a_free_bed_list_each_stenosis_once(tmp_path):
 
     phase = np.linspace(0.0, 1.0, 60)
     beat = {"t": 0.5 * phase, "AoP [mmHg]": 80 + 20 * np.sin(2 * np.pi * phase)}
-    beat |= {"LVP [mmHg]": 50 + 50 * np.sin(2 * np.pi * phase), "LAD Flow [ml/min]": 30 + 0.0 * phase}
+    beat |= {"LVP [mmHg]": 50 + 50 * np.sin(2 * np.pi * phase), "LAD Flow [ml/min]": 30 + 3 * np.cos(2 * np.pi * phase)}
     frame = pd.DataFrame(beat).rename(columns={"t": "t [s]"})
     for name in ("baseline", "mild_sten", "mild_sten_dob"):
         frame.to_csv(tmp_path / f"X_{name}.csv", index=False)

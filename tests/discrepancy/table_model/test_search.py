@@ -177,7 +177,7 @@ def test_tables_without_common_samples_are_rejected(tmp_path):
     table.assign(sample=[f"run_{number}" for number in table["sample"]]).to_csv(tmp_path / "3d.csv", index=False)
     with pytest.raises(
         InputError,
-        match=r"samples in common with .* = 0: expected at least 20; compare the sample names \(0 and 'run_0'\)",
+        match=r"samples in common with .* = 0: expected at least 20; compare the sample names \('0' and 'run_0'\)",
     ):
         discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
 

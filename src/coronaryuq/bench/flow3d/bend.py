@@ -36,7 +36,7 @@ def errors(rings: int, reynolds: np.ndarray, time: float = 0.5) -> dict[str, np.
     place, stress = space.points[wall.nodes], wall.stress[..., :number]
     turned = np.arctan2(place[:, 1], place[:, 0])
     chosen = (turned > FIRST) & (turned < LAST)
-    place, stress, turned, area = place[chosen], stress[chosen], turned[chosen], wall.area[chosen]
+    place, stress, turned, area = place[chosen], stress[chosen], turned[chosen], wall.area[chosen, 0]
     outward = np.stack([np.cos(turned), np.sin(turned), 0 * turned], axis=1)
     forward = np.stack([-np.sin(turned), np.cos(turned), 0 * turned], axis=1)
     out, up = (place * outward).sum(axis=1) - BEND, place[:, 2]

@@ -109,7 +109,8 @@ def _smoothing(
 class WallShear:
     """Wall shear stress of LANES samples on the wall's nodes, and its integrals over time.
 
-    nodes: (w,) solver's node numbers; area: (w, 1 or LANES) lumped, cm2; faces: (k, 3) into `nodes`.
+    nodes: (w,) solver's node numbers; area: (w, 1 or LANES) lumped, cm2; normal: (w, 3, 1 or LANES), outward unit;
+    faces: (k, 3) into `nodes`.
     """
 
     def __init__(self, space: Discretisation):
@@ -129,7 +130,8 @@ class WallShear:
             *(_smoothing(space.places[..., k], space.wall_faces, self.faces, w) for k in geometries), strict=True
         )
         self.area = np.stack(areas, axis=-1)
-        self._normal = rows(np.stack(normals, axis=-1))
+        self.normal = np.stack(normals, axis=-1)
+        self._normal = rows(self.normal)
         self._smooth = _compressed(smoothings)
         spread = [smoothing @ sp.diags(1.0 / area) for smoothing, area in zip(smoothings, areas, strict=True)]
         self._spread = _compressed(spread)
