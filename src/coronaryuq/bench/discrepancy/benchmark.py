@@ -25,6 +25,8 @@ from coronaryuq.bench.discrepancy.cases import (
     set_aside_cases,
 )
 from coronaryuq.bench.discrepancy.hidden_cases import BenchmarkExperiment, closed_loop, open_loop
+from coronaryuq.bench.discrepancy.loop import EFFECTS as PREDICTED
+from coronaryuq.bench.discrepancy.loop import predictions
 from coronaryuq.bench.discrepancy.rivals.compare import SUBJECTS, every_rival, outcomes, rival_trial
 from coronaryuq.bench.discrepancy.score import score
 from coronaryuq.bench.discrepancy.tables import OPEN_LOOP
@@ -47,7 +49,7 @@ SPREADS = {
     "beds": "resistance and compliance of each bed, other nuisance parameters in proportion to their priors",
     "states": "coronary resistance of each condition",
 }
-NOT_IN_3D = ("network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside", "rivals")
+NOT_IN_3D = ("network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside", "rivals", "loop")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,6 +87,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set-aside", metavar="FILE", help="run only the effects and seeds of this file")
     parser.add_argument("--effects", nargs="+", metavar="CELL", help="labels of the cells to run (default: all)")
     parser.add_argument("--rivals", action="store_true", help="let other methods answer in place of the search")
+    parser.add_argument(
+        "--loop",
+        action="store_true",
+        help="adopt what the search finds, and predict FFR and bed flows before, after and with the truth; "
+        "needs --network",
+    )
     parser.add_argument("--threads", metavar="N", type=positive_int, help="threads of each search (default: 1)")
     parser.add_argument("--resume", metavar="FILE", help="file of finished cases, to resume a run that was killed")
 
@@ -144,6 +152,8 @@ class Options:
         File of the effects and seeds to run only, see `set_aside_cases`.
     rivals
         Other methods answer, see `rivals.compare`.
+    loop
+        Predict with what the search finds, see `loop`, in place of the cases.
     """
 
     quick: bool
@@ -165,6 +175,7 @@ class Options:
     states: float | None = None
     set_aside: str | None = None
     rivals: bool = False
+    loop: bool = False
 
     def drawn(self) -> Nature:
         """Return the nature of the truth; says on standard error where svZeroDSolver is missing."""
@@ -209,6 +220,8 @@ def run(**options: Any) -> dict:
         For a network that is not a closed loop, unknown cells, and options that the 3D solver does not have.
     """
     chosen = Options(**options)
+    if chosen.loop:
+        return _predicted(chosen)
     limit = chosen.seconds if chosen.seconds is not None else (40.0 if chosen.quick else np.inf)
     name = chosen.name or (Path(chosen.network).stem if chosen.network else OPEN_LOOP)
     entries: Iterator[dict | None]
@@ -293,6 +306,19 @@ class FinishedCases:
         line = json.dumps({"key": case.key, "entry": entry}, default=float)
         with open(self.path, "a", encoding="utf-8") as file:
             file.write(line + "\n")
+
+
+def _predicted(chosen: Options) -> dict:
+    """Return how well predictions are before and after adoption."""
+    if not chosen.network or chosen.solver == "3d":
+        raise InputError("bench discrepancy", "--loop", None, "needs --network, a tuned closed loop, and --solver 0d")
+    wanted, nature = chosen.effects or PREDICTED, chosen.drawn()
+    for name in wanted:
+        if name not in PREDICTED:
+            raise InputError("bench discrepancy", "--effects", name, f"with --loop: {', '.join(PREDICTED)}")
+    seeds = range(chosen.offset, chosen.offset + chosen.seeds)
+    found = predictions(_loop(chosen.network).network, nature, seeds, wanted, chosen.threads)
+    return {"quick": chosen.quick, "nature": nature.stated(), "loop": found}
 
 
 def _loop(path: str) -> BenchmarkExperiment:

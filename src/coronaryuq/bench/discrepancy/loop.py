@@ -1,0 +1,174 @@
+"""Does the prediction improve? Hidden effects, searched and adopted: FFR and bed flows before, after, with the truth.
+
+The truth is off from the searched loop as in the rest of the benchmark. Perfusion of every bed in hyperaemia, with its
+noise, is what each model is fitted to: its total by one factor on all beds, as in calibration, its shares by the
+posterior of the bed resistances. FFR is distal over aortic mean pressure where the distal pressure was measured, in
+hyperaemia.
+"""
+
+import json
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from coronaryuq.adoption.choice import Placed, chosen
+from coronaryuq.adoption.network import with_effects
+from coronaryuq.bench.discrepancy.tables import wilson
+from coronaryuq.case.network.network import Network
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
+from coronaryuq.discrepancy.data.conditions import Condition
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.hidden import make_case
+from coronaryuq.discrepancy.hidden.experiment import HYPERAEMIA, Experiment, loop_experiment
+from coronaryuq.discrepancy.hidden.nature import Nature
+from coronaryuq.discrepancy.search_case import search_case
+from coronaryuq.discrepancy.settings import Settings as SearchSettings
+from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.results import Chains
+from coronaryuq.posterior.settings import DreamSettings, IndependenceSettings, Settings
+from coronaryuq.posterior.stage import TargetFlows, Unknowns, run_chains
+from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network.beds import SCALING, resistance_changes
+from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.solver.engine import Engine
+
+EFFECTS = ("quadratic_stenosis", "diffuse_narrowing", "side_branch_leak")
+NOISE = 0.08
+"""Relative standard deviation of the perfusion of a bed, as in the plan of the measurements."""
+DRAWS = 200
+TUNING = 8
+"""Runs in which the total is met: flow is nearly inverse to resistance."""
+LEVEL = (0.05, 0.95)
+CERTAIN = 1e-6
+"""Variance of a size that is known."""
+STRESS = "hyperaemia"
+MODELS = ("before", "after", "truth")
+SETTINGS = Settings(dream=DreamSettings(generations=2000), independence=IndependenceSettings(draws=45))
+
+
+def predictions(
+    network: Network, nature: Nature, seeds: Sequence[int], effects: Sequence[str] = EFFECTS, threads: int = 1
+) -> dict[str, Any]:
+    """Hide each effect once per seed, search, adopt and predict.
+
+    Returns
+    -------
+    dict
+        `cases`: number. `named_right`: how many of them. `ffr_error_WHEN`, `flow_error_WHEN`: root mean squares of the
+        median's error, of FFR absolute, of bed flows relative; `coverage_90_WHEN` and `flow_coverage_90_WHEN`: share of
+        true values within the 90 % range; WHEN: before, after, truth. `each`: the same of every case.
+    """
+    experiment, each = loop_experiment(network), []
+    for seed in seeds:
+        for name in effects:
+            each.append(_case(experiment, nature, name, seed, threads))
+            print(json.dumps(each[-1]), file=sys.stderr, flush=True)
+    found: dict[str, Any] = {"cases": len(each), "named_right": sum(one["named_right"] for one in each)}
+    for when in MODELS:
+        for kind, prefix in (("ffr", ""), ("flow", "flow_")):
+            errors = np.concatenate([one[when][kind]["error"] for one in each])
+            inside = np.concatenate([one[when][kind]["inside"] for one in each])
+            found[f"{kind}_error_{when}"] = float(np.sqrt(np.mean(errors**2)))
+            found[f"{prefix}coverage_90_{when}"] = wilson(int(inside.sum()), len(inside))
+    return found | {"each": each}
+
+
+def _case(experiment: Experiment, nature: Nature, name: str, seed: int, threads: int) -> dict[str, Any]:
+    random, network = generator(seed, "bench", "loop", name), experiment.network
+    hidden, measured = effect(name), _measured(experiment)
+    places = [one for one in measured if one in hidden.places(Anatomy(network), experiment.series)]
+    placed = PlacedEffect(hidden, places[int(random.integers(len(places)))])
+    hypothesis, sizes = Hypothesis((placed,)), random.uniform(-0.5, 1.0, len(hidden.parameters))
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        subject = make_case.draw_subject(experiment, nature, seed)
+        signal = subject.simulate(hypothesis, sizes)
+        subject.write(signal, make_case.Noise(), seed, folder, 0.0)
+        files = (folder / "model.json", folder / "measurements.csv", folder / "conditions.yaml")
+        answer = search_case(*files, folder / "found", SearchSettings(threads=threads), 1)
+    forward = subject.problem.forward
+    table, stressed = forward.condition_changes(STRESS, np.concatenate([subject.nuisance, sizes]), hypothesis)
+    beds = forward.anatomy.beds
+    true_ffr, true_flow = (values[0] for values in _outputs(stressed, table, measured, list(beds)))
+    noisy = true_flow * (1.0 + NOISE * random.standard_normal(len(true_flow)))
+    targets = TargetFlows(list(beds), noisy, np.diag((NOISE * true_flow) ** 2))
+    covariance = (CERTAIN * np.eye(len(sizes))).tolist()
+    known = [[Placed(name, placed.place, 1.0, False, sizes.tolist(), covariance)]]
+    classes = {"before": [], "after": chosen(answer).classes, "truth": known}
+    found: dict[str, Any] = {
+        "effect": name, "place": placed.place, "seed": seed, "size_z": sizes.tolist(),
+        "named_right": any(placed.key == (one.effect, one.place) for group in classes["after"] for one in group),
+    }  # fmt: skip
+    for when in MODELS:
+        adopted = with_effects(network, network, classes[when], answer["scales"]).network
+        ffr, flow = _drawn(adopted, targets, measured, seed)
+        found[when] = {
+            "ffr": _scored(ffr, true_ffr, 1.0), "flow": _scored(flow, true_flow, true_flow)
+        }  # fmt: skip
+    return found
+
+
+def _drawn(network: Network, targets: TargetFlows, measured: Sequence[str], seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return FFR (n, places) and bed flows (n, beds) at draws of the posterior of a network at rest."""
+    nominal = apply_condition(network, Condition(STRESS, coronary_resistance_scale=HYPERAEMIA))
+    stressed = _with_total(nominal, targets)
+    vessels = {bed: Anatomy(stressed).beds[bed] for bed in targets.names}
+    model = BedFlows("network", vessels, tolerance=1e-4, steps_per_cycle=None, network=stressed)
+    with tempfile.TemporaryDirectory() as folder:
+        unknowns = Unknowns(model.weights, model.theta.laws)
+        run_chains(model, unknowns, targets, SETTINGS, seed, Path(folder) / "chains.npz", key="bench")
+        chains = Chains.read(Path(folder) / "chains.npz")
+    values = np.concatenate([chains.kept_multipliers, chains.kept_parameters], axis=2)
+    flat = values.reshape(-1, values.shape[2])
+    some = flat[np.linspace(0, len(flat) - 1, min(DRAWS, len(flat))).round().astype(int)]
+    theta = dict(zip([*chains.names, *chains.parameter_names], some.T, strict=True))
+    # The total was fitted to a measurement, and is as uncertain as that.
+    spread = float(np.sqrt(targets.covariance.sum()) / targets.mean.sum())
+    theta[SCALING] = np.exp(spread * generator(seed, "bench", "loop", "total").standard_normal(len(some)))
+    return _outputs(stressed, model.theta.changes(theta), measured, targets.names)
+
+
+def _with_total(network: Network, targets: TargetFlows) -> Network:
+    """Return the network with one factor on all coronary beds by which their flows have the total of the targets."""
+    engine, vessels, factor = Engine(network), Anatomy(network).vessel_of, 1.0
+    names = [f"mean_flow:{vessels[bed]}:{bed}" for bed in targets.names]
+    for _ in range(TUNING):
+        result = engine.run_to_periodic(resistance_changes(network, scaling=factor), names)
+        factor *= float(sum(result.values[one][0] for one in names) / targets.mean.sum())
+    changes = {name: float(value) for name, value in resistance_changes(network, scaling=factor).items()}
+    return with_changes(network, changes)
+
+
+def _outputs(
+    network: Network, changes: Mapping[str, Any], measured: Sequence[str], beds: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return distal over aortic mean pressure (n, places) and mean flows into beds (n, beds)."""
+    anatomy = Anatomy(network)
+    aorta = f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}"
+    distal = [f"mean_pressure:{anatomy.outlet(vessel)}" for vessel in measured]
+    flows = [f"mean_flow:{anatomy.vessel_of[bed]}:{bed}" for bed in beds]
+    result = Engine(network).run_to_periodic(dict(changes), [aorta, *distal, *flows])
+    if not result.ok.all():
+        raise FloatingPointError(f"{int((~result.ok).sum())} runs of the prediction failed")
+    pressure = np.stack([result.values[one] for one in distal], axis=1) / result.values[aorta][:, None]
+    return pressure, np.stack([result.values[one] for one in flows], axis=1)
+
+
+def _measured(experiment: Experiment) -> list[str]:
+    """Return the vessels at whose ends pressure is measured."""
+    places = [place for quantity, place, _, _ in experiment.plan.entries if quantity == "pressure"]
+    return [place.split(":")[0] for place in places[1:]]
+
+
+def _scored(drawn: np.ndarray, truth: np.ndarray, scale: np.ndarray | float) -> dict[str, list]:
+    low, middle, high = np.quantile(drawn, [LEVEL[0], 0.5, LEVEL[1]], axis=0)
+    return {
+        "truth": truth.tolist(), "median": middle.tolist(), "error": ((middle - truth) / scale).tolist(),
+        "inside": ((truth >= low) & (truth <= high)).tolist(),
+    }  # fmt: skip
