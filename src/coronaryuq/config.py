@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
 from coronaryuq.case.description.yaml_file import read_yaml, validated
 from coronaryuq.case.settings import Settings as CaseSettings
+from coronaryuq.case.settings import Uncertainty
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.discrepancy.settings import Settings as DiscrepancySettings
 from coronaryuq.estimation.settings import Settings as EstimationSettings
@@ -55,6 +56,11 @@ class Campaign(BaseModel):
     case: str = Field("bundled", description="`bundled` for the synthetic patient, or the path of a `case.yaml`.")
     backend: Literal["ensemble", "svsolver", "svmultiphysics", "umbridge"] = Field(
         "ensemble", description="Solver of the 3D samples."
+    )
+    uncertainty: Uncertainty = Field(
+        "paper",
+        description="What is uncertain: `full` for all that is measured, with the errors that `case.yaml` states; "
+        "`paper` for perfusion and resistances alone.",
     )
     paper_data: str | None = Field(
         None,

@@ -15,6 +15,8 @@ from coronaryuq.case.settings import Settings
 from coronaryuq.case.stage import prepare_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
+from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.theta import Theta
 from support.case_files import check_case, write_case
 
 
@@ -55,6 +57,29 @@ def test_the_same_case_gives_the_same_bytes(small_tree, tmp_path):
         prepare_case(path, Settings(), tmp_path / folder)
     for name in ("case.json", "tree.vtp", "network.json", "lv.vtu"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
+
+
+def test_full_uncertainty_adds_the_lumen_and_the_errors_and_the_papers_setting_nothing(small_tree, tmp_path):
+    lumen = "{unit: mm, common_sd: 0.02, local_sd: 0.05}"
+    path = write_case(tmp_path, small_tree, lumen=lumen, errors="{pressure: 4.0}")
+    for uncertainty in ("paper", "full"):
+        prepare_case(path, Settings(), tmp_path / uncertainty, uncertainty)
+    case, network = (json.loads((tmp_path / "full" / name).read_text()) for name in ("case.json", "network.json"))
+    assert case["errors"]["pressure"] == 4.0 and case["errors"]["pressure_correlation"] == 0.7
+    theta = Theta(read_network(tmp_path / "full/network.json"))
+    assert theta.laws.names[0] == "lumen_common" and theta.laws.names == network["lumen"]["names"]
+    wider, own = theta.changes({"lumen_common": np.array([2.0])}), Network(network).vessel_values("lca1")
+    assert wider["lca1.R_poiseuille"][0] < 0.99 * own["R_poiseuille"]
+    plain = json.loads((tmp_path / "paper/network.json").read_text())
+    assert "lumen" not in plain and "uncertain_parameters" not in plain
+    assert json.loads((tmp_path / "paper/case.json").read_text())["errors"] is None
+    assert Network(network).for_svzerodsolver().keys() == plain.keys()
+
+
+def test_a_calcified_stretch_off_the_arteries_is_refused(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree, lumen="{calcified: [{vessel: nowhere, start: 0.5, end: 1.0}]}")
+    with pytest.raises(InputError, match="lumen.calcified.*nowhere"):
+        prepare_case(path, Settings(), tmp_path / "case", "full")
 
 
 def test_targets_may_be_yaml_with_units(small_tree, tmp_path):

@@ -37,5 +37,6 @@ rule case:
     params:
         **stage("coronaryuq.case.stage:prepare_case"),
         settings=block("patient"),
+        uncertainty=campaign.uncertainty,
     script:
         "../scripts/stage.py"

@@ -76,18 +76,21 @@ class Loop:
         steps_per_cycle: int | None = None,
         extra: Mapping[str, np.ndarray | float] | None = None,
         waveforms: Sequence[str] = (),
+        refill: bool = True,
     ) -> Evaluation:
         """Run points (n, 36), from states (n, columns of the engine's state) where given, and measure the last cycle.
 
         Exactly `cycles` cycles, or, without a number, until the cycle-to-cycle error is below `tolerance`. `extra`
         changes are applied in addition to the parameters; `waveforms` are 0D names to return in addition to the roles
-        of `waveform_names`.
+        of `waveform_names`. Without `refill` the loop keeps the blood of the state that it starts from, as in the runs
+        of a campaign.
         """
         points = np.atleast_2d(points)
         changed = parameters.changes(points, self.network) | dict(extra or {})
         state = np.tile(self.initial_state(), (len(points), 1)) if start is None else np.array(start)
         wanted = self.reference_volume * parameters.values(points)[:, parameters.NAMES.index("V_blood")]
-        state[:, self.right_atrium] += wanted - self.blood.evaluate(state, changed)
+        if refill:
+            state[:, self.right_atrium] += wanted - self.blood.evaluate(state, changed)
         names = sorted({name for members in self.roles.values() for name in members} | set(waveforms))
         run = (
             partial(self.engine.run_to_periodic, periodicity=Periodicity(tolerance))

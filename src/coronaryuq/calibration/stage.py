@@ -4,12 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from coronaryuq.calibration.conductance_shares import shares
+from coronaryuq.calibration.heart_posterior import division_parameter
 from coronaryuq.calibration.hyperaemic_flow import HyperaemicTarget
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import read_targets
 from coronaryuq.calibration.tuning import Goal, Tuned, tune_loop
 from coronaryuq.case.case_json import CaseSummary, TargetValue, read_case
-from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.network import UNCERTAIN, Network
 from coronaryuq.case.network.units import to_cgs
 from coronaryuq.case.tables.needed_targets import complete_targets, heart_period
 from coronaryuq.case.tables.targets import BY_NAME, check_targets
@@ -61,8 +62,13 @@ def tune(
     flows = _flows(case, network, perfusion, targets_json)
     met = settings.hyperaemic_total
     hyperaemic = HyperaemicTarget(sum(flows.values()), tuple(flows), case.hyperaemia) if met else None
-    goal = Goal(targets, case.hyperaemia, shares(case.outlets, flows), hyperaemic)
-    _write(tune_loop(network, goal, settings, seed, threads, report), out_dir)
+    goal = Goal(targets, case.hyperaemia, shares(case.outlets, flows), hyperaemic, case.errors)
+    tuned = tune_loop(network, goal, settings, seed, threads, report)
+    if case.errors is not None:
+        unmeasured = {outlet.bc: outlet.radius for outlet in case.outlets if outlet.perfuses != "LV"}
+        further = division_parameter(unmeasured, tuned.hyperaemia, case.errors.murray_exponent)
+        tuned.hyperaemia[UNCERTAIN] = [*tuned.hyperaemia.get(UNCERTAIN, []), *further]
+    _write(tuned, out_dir)
 
 
 def tune_files(

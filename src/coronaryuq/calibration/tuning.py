@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.calibration import conductance_shares, parameters
+from coronaryuq.calibration.heart_posterior import assumed_parameters, heart_parameters, heart_posterior
 from coronaryuq.calibration.hyperaemic_flow import (
     HyperaemicTarget,
     hyperaemic_changes,
@@ -18,7 +19,8 @@ from coronaryuq.calibration.loop import Evaluation, Loop
 from coronaryuq.calibration.search import Report, Search, Start
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import TARGETS, misfits
-from coronaryuq.case.network.network import Network
+from coronaryuq.case.description.routine import RoutineErrors
+from coronaryuq.case.network.network import UNCERTAIN, Network
 from coronaryuq.core.units import ML_PER_MIN
 from coronaryuq.zerod.network.changes import with_changes
 
@@ -44,12 +46,14 @@ class Goal:
     targets: in their own units (`calibration.targets`). hyperaemia: factor on Ra and Ram of every coronary bed. shares:
     fraction of coronary conductance of every bed (`conductance_shares`); None keeps the network's own. hyperaemic:
     hyperaemic flow to be met by the venous fraction of resistance; without it the waveforms determine that fraction.
+    errors: of the measurements, if the heart is uncertain.
     """
 
     targets: Mapping[str, float]
     hyperaemia: float
     shares: Mapping[str, float] | None = None
     hyperaemic: HyperaemicTarget | None = None
+    errors: RoutineErrors | None = None
 
 
 def tune_loop(
@@ -102,9 +106,15 @@ def _tuned(loop: Loop, best: Start, goal: Goal, settings: Settings) -> Tuned:
     if hyperaemic is not None:
         flow = float(hyperaemic_flow(fine, points, stress.state, hyperaemic, 1)[0])
         fit = pd.concat([fit, _hyperaemic_row(flow, hyperaemic)], ignore_index=True)
+    stressed = _network(fine, relaxed, stress)
+    if goal.errors is not None:
+        states = rest.state[0], stress.state[0]
+        found = heart_posterior(loop, point, states, targets, goal.hyperaemia, goal.errors)
+        known = stressed.get(UNCERTAIN, [])
+        stressed[UNCERTAIN] = [*known, *heart_parameters(found, loop), *assumed_parameters(stressed, goal.errors)]
     return Tuned(
         _network(fine, parameters.changes(points, fine.network), rest),
-        _network(fine, relaxed, stress),
+        stressed,
         parameter_table(point),
         fit,
         rest,

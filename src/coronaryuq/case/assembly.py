@@ -19,6 +19,11 @@ from coronaryuq.case.case_json import (
     TargetValue,
 )
 from coronaryuq.case.description.fields import ARTERIES, Description, StenosisPlace, read_description
+from coronaryuq.case.description.lumen import LumenError
+from coronaryuq.case.description.routine import RoutineErrors
+from coronaryuq.case.lumen.law import lumen_law
+from coronaryuq.case.lumen.profiles import with_lumen
+from coronaryuq.case.network.along_tree import vessels_along
 from coronaryuq.case.network.build import Bed, Physics, network_from_tree, segments
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.schematic import radius_from_inertance, schematic_tree
@@ -26,7 +31,7 @@ from coronaryuq.case.network.topology import CORONARY, SYSTEMIC, Topology, close
 from coronaryuq.case.network.units import to_cgs
 from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
 from coronaryuq.case.perfusion.territories import wall_of_territories
-from coronaryuq.case.settings import Settings
+from coronaryuq.case.settings import Settings, Uncertainty
 from coronaryuq.case.tables.needed_targets import complete_targets, heart_period
 from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outlets, read_territory_flows
 from coronaryuq.core.errors import InputError
@@ -55,7 +60,7 @@ class AssembledCase:
     wall: Wall
 
 
-def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
+def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty = "paper") -> AssembledCase:
     """Read a case and all files that it refers to.
 
     Parameters
@@ -64,6 +69,8 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
         The case's description.
     settings : Settings
         Settings of the case stage.
+    uncertainty : "full" or "paper"
+        Whether the network's lumen is uncertain, or known as in the paper.
 
     Returns
     -------
@@ -112,6 +119,8 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
         if unit != "cgs":
             notes += (f"{description.network}: pressures in {unit}, converted to dyn/cm2",)
     outlets = _outlets(rows, placed, tree, topology)
+    if uncertainty == "full" and anatomy is not None:
+        network = _with_uncertain_lumen(path, description, tree, stenoses, network)
     if description.perfusion is not None:
         wall = read_wall(path, description.perfusion, description.tissue_density, settings.wall_cells)
         notes += check_place(path, description.perfusion, wall, outlets)
@@ -135,9 +144,20 @@ def assemble(case_yaml: str | Path, settings: Settings) -> AssembledCase:
         systemic=[bc for bc in topology.vessel_of if topology.kind(bc) == SYSTEMIC],
         stenoses=_stenoses(path, description, tree, stenoses, topology, outlets),
         targets=targets,
+        errors=(description.errors or RoutineErrors()) if uncertainty == "full" else None,
         notes=[*notes, *target_notes, *wall.notes],
     )
     return AssembledCase(description, tree, stenoses, network, topology, summary, wall)
+
+
+def _with_uncertain_lumen(
+    path: Path, description: Description, tree: Tree, stenoses: list[Stenosis], network: Network
+) -> Network:
+    try:
+        law = lumen_law(tree, stenoses, description.lumen or LumenError())
+    except ValueError as error:
+        raise InputError(path, "lumen.calcified", None, str(error)) from None
+    return with_lumen(network, tree, vessels_along(tree, stenoses, network, description.network or "network"), law)
 
 
 def _read_own_network(folder: Path, description: Description) -> tuple[Network, Topology, str] | None:

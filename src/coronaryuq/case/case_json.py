@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.typed import checked
 
@@ -96,6 +97,7 @@ class CaseSummary(_Part):
     systemic: list[str]
     stenoses: list[CaseStenosis]
     targets: dict[str, TargetValue]
+    errors: RoutineErrors | None = None
     notes: list[str]
 
     @property

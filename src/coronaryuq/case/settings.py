@@ -4,6 +4,9 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+Uncertainty = Literal["full", "paper"]
+"""What a campaign takes as uncertain: all that is measured, or perfusion and resistances alone, as in the paper."""
+
 
 class Settings(BaseModel):
     """Settings for reading and completing a case; the patient's own data belong in `case.yaml`."""

@@ -14,7 +14,7 @@ import numpy as np
 from coronaryuq.case.anatomy.tree import Tree, read_tree
 from coronaryuq.case.case_json import read_case
 from coronaryuq.case.lumen.profiles import Lumen, lumen_of
-from coronaryuq.case.network.network import LUMEN, Network
+from coronaryuq.case.network.network import LUMEN, VISCOSITY, Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.mesh.coupling.cut_network import CutNetwork, cut_network
@@ -76,13 +76,18 @@ class FlowModel:
         return lumen_of(self.network)
 
     @cached_property
-    def _morph(self) -> Morph:
-        assert self.lumen is not None and self.tree is not None  # read_model checks that there is a tree
+    def _morph(self) -> Morph | None:
+        if self.lumen is None:
+            return None
+        assert self.tree is not None  # read_model checks that there is a tree
         return Morph(self.domain, self.tree, self.lumen)
 
     def shapes(self, theta: Mapping[str, np.ndarray], samples: int) -> Shapes | None:
-        """Return the lumens of samples from columns (samples,) of θ; None if all samples have the mesh's."""
-        return None if self.lumen is None else draw_shapes(self._morph, self.lumen, theta, samples)
+        """Return lumens and viscosities of samples from columns (samples,) of θ; None if they share the mesh's."""
+        if self.lumen is None and VISCOSITY not in theta:
+            return None
+        factor = np.broadcast_to(np.asarray(theta.get(VISCOSITY, 1.0), float), (samples,))
+        return draw_shapes(self.domain, self._morph, self.viscosity * factor, theta, samples)
 
     @property
     def aortic_pressure(self) -> str:

@@ -1,4 +1,4 @@
-"""The lumens of a batch of samples: nodes on the mesh's topology, and what is left of cut vessels in 0D."""
+"""The lumens and blood of a batch of samples: nodes on the mesh's topology, viscosity, what is left of cut vessels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ from coronaryuq.case.lumen.profiles import Lumen
 from coronaryuq.flow3d.mesh.description import MeshDescription
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.morph.morph import Morph
+from coronaryuq.flow3d.mesh.read_mesh import Domain
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,8 @@ class Shapes:
     ----------
     points
         (samples, n, 3) nodes, cm.
+    viscosity
+        (samples,) of blood, poise.
     outside
         "VESSEL.parameter" → (samples,) of each vessel that the mesh cuts, what its part outside changes by over what
         the whole changes by; the downstream part of a vessel with two is called VESSEL_downstream.
@@ -29,6 +32,7 @@ class Shapes:
     """
 
     points: np.ndarray
+    viscosity: np.ndarray
     outside: Mapping[str, np.ndarray]
     reasons: list[str]
     quality: list[dict[str, float]]
@@ -37,24 +41,29 @@ class Shapes:
         """Return the lumens of some of the samples."""
         outside = {name: factor[members] for name, factor in self.outside.items()}
         pick = [self.reasons[k] for k in members], [self.quality[k] for k in members]
-        return Shapes(self.points[members], outside, *pick)
+        return Shapes(self.points[members], self.viscosity[members], outside, *pick)
 
 
-def draw_shapes(morph: Morph, lumen: Lumen, theta: Mapping[str, np.ndarray], samples: int) -> Shapes:
-    """Return the lumens of samples from columns (samples,) of θ; absent coordinates are at their centre."""
-    given = {name: np.broadcast_to(np.asarray(theta[name], float), (samples,)) for name in lumen.names if name in theta}
-    points, reasons, quality = [], [], []
+def draw_shapes(
+    domain: Domain, morph: Morph | None, viscosity: np.ndarray, theta: Mapping[str, np.ndarray], samples: int
+) -> Shapes:
+    """Return the lumens of samples from columns (samples,) of θ; absent coordinates are at their centre.
+
+    morph: None if the lumen is that of the mesh; viscosity: (samples,) poise.
+    """
+    points, reasons = np.array([domain.points] * samples), [""] * samples
+    quality: list[dict[str, float]] = [{} for _ in range(samples)]
+    if morph is None:
+        return Shapes(points, viscosity, {}, reasons, quality)
+    names = [name for name in morph.lumen.names if name in theta]
+    given = {name: np.broadcast_to(np.asarray(theta[name], float), (samples,)) for name in names}
     for k in range(samples):
         try:
             moved = morph({name: float(value[k]) for name, value in given.items()})
-            points.append(moved.points)
-            reasons.append("")
-            quality.append(moved.quality)
+            points[k], quality[k] = moved.points, moved.quality
         except MeshError as error:
-            points.append(morph.domain.points)
-            reasons.append(str(error))
-            quality.append({})
-    return Shapes(np.array(points), outside_factors(lumen, morph.domain.description, given), reasons, quality)
+            reasons[k] = str(error)
+    return Shapes(points, viscosity, outside_factors(morph.lumen, domain.description, given), reasons, quality)
 
 
 def outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

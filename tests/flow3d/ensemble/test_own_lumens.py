@@ -59,7 +59,7 @@ def test_lanes_with_the_same_nodes_agree_with_shared_geometry():
     model = uncertain(COMMON)
     shapes = model.shapes({"lumen_common": np.zeros(2)}, 2)
     domain = model.domain
-    same = shapes.__class__(np.stack([domain.points] * 2), {}, ["", ""], [{}, {}])
+    same = shapes.__class__(np.stack([domain.points] * 2), np.full(2, model.viscosity), {}, ["", ""], [{}, {}])
     changes = {"OUT.Rd": np.array([20000.0, 40000.0])}
     own = Ensemble(model, SETTINGS).run(changes, 2, shapes=same)
     shared = ensemble(SETTINGS, shape=domain, loop=model.network).run(changes, 2)

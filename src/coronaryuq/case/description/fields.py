@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from coronaryuq.case.case_json import AnatomyKind, Artery, Point
+from coronaryuq.case.description.lumen import CalcifiedStretch, LumenError
+from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.description.yaml_file import read_yaml, validated
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, FLOWS, LENGTHS, TISSUE_DENSITY, perfusions
@@ -241,6 +243,14 @@ class Description(_Model):
     )
     density: float = Field(BLOOD_DENSITY, ge=0.9, le=1.2, description="Blood density, g/cm3.")
     viscosity: float = Field(BLOOD_VISCOSITY, ge=0.005, le=0.2, description="Blood viscosity, poise.")
+    lumen: LumenError | None = Field(
+        None,
+        description="Error of the lumen's segmentation, for `uncertainty: full`; default: that of 0.35 mm voxels.",
+    )
+    errors: RoutineErrors | None = Field(
+        None,
+        description="Errors of cuff, echocardiogram and assumed values, for `uncertainty: full`; default: as listed.",
+    )
     haematocrit: float | None = Field(
         None,
         gt=0.1,
@@ -327,7 +337,12 @@ def _model_at(where: list[str]) -> type[BaseModel]:
     model: Any = Description
     inside = {"anatomy": Anatomy, "perfusion": Perfusion, "label": Label, "registration": Registration}
     inside |= {"territory_flows": TerritoryFlows, "stenoses": StenosisPlace, "systemic_outlets": SystemicOutlet}
-    inside |= {"measurements": Measurements}
+    inside |= {
+        "measurements": Measurements,
+        "lumen": LumenError,
+        "calcified": CalcifiedStretch,
+        "errors": RoutineErrors,
+    }
     for part in where:
         model = inside.get(part, model)
     return model

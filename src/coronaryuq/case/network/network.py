@@ -10,6 +10,8 @@ BEFORE_HEART, AFTER_HEART = "J_heart_inlet", "J_heart_outlet"
 """Junctions that svZeroDSolver puts between the heart and the blocks that return to it or that it feeds."""
 UNCERTAIN = "uncertain_parameters"
 """Part of a network that svZeroDSolver does not know: see `zerod.theta`."""
+VISCOSITY = "viscosity"
+"""Name of the uncertain parameter that multiplies the viscosity in 3D, too."""
 LUMEN = "lumen"
 """Another: see `case.lumen.profiles`."""
 

@@ -111,7 +111,7 @@ class Block:
                 "start": None if self.first_state is None else provenance.digest(self.first_state.tolist()),
                 "refinement": task.refinement,
             }
-            | ({} if task.shapes is None else {"points": sha256(task.shapes.points.tobytes()).hexdigest()})
+            | self._own()
         )
 
     def run(self) -> list[Outcome]:
@@ -151,6 +151,13 @@ class Block:
         if self.checkpoint is not None:
             self.checkpoint.unlink(missing_ok=True)
         return outcomes
+
+    def _own(self) -> dict[str, Any]:
+        """Return what of the samples' lumens and blood a checkpoint must agree with."""
+        if self.shapes is None:
+            return {}
+        points = sha256(self.shapes.points.tobytes()).hexdigest()
+        return {"points": points, "viscosity": self.shapes.viscosity.tolist()}
 
     def _cut_changes(self) -> dict[str, np.ndarray]:
         """Return the changes of the network outside 3D."""

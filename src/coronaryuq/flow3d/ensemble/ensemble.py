@@ -88,9 +88,7 @@ class Ensemble:
                     start=None if start is None else np.asarray(start, float)[members],
                     shapes=None if shapes is None else shapes.of(members),
                 )
-                space = (
-                    self.space(refinement) if shapes is None else self.own_spaces(refinement, shapes.points[members])
-                )
+                space = self.space(refinement) if shapes is None else self.own_spaces(refinement, shapes.of(members))
                 block = Block(self.model, self.settings, space, task, report)
                 for k, outcome in zip(members, block.run(), strict=True):
                     if k in outcomes:
@@ -108,18 +106,22 @@ class Ensemble:
     def space(self, refinement: int) -> Discretisation:
         """Return the mesh's operators for the time step of a refinement."""
         if refinement not in self._spaces:
-            self._spaces[refinement] = self._discretised(refinement, self.model.domain.points)
+            domain, model = self.model.domain, self.model
+            self._spaces[refinement] = self._discretised(refinement, domain.points, model.viscosity)
         return self._spaces[refinement]
 
-    def own_spaces(self, refinement: int, points: np.ndarray) -> Discretisation:
-        """Return operators of up to LANES samples with their own nodes (samples, n, 3), the last one repeated."""
-        spaces = [self._discretised(refinement, own) for own in points]
+    def own_spaces(self, refinement: int, shapes: Shapes) -> Discretisation:
+        """Return operators of up to LANES samples with lumens and blood of their own, the last one repeated."""
+        spaces = [
+            self._discretised(refinement, points, float(viscosity))
+            for points, viscosity in zip(shapes.points, shapes.viscosity, strict=True)
+        ]
         return Discretisation.of_lanes(spaces + [spaces[-1]] * (LANES - len(spaces)), self.space(refinement))
 
-    def _discretised(self, refinement: int, points: np.ndarray) -> Discretisation:
+    def _discretised(self, refinement: int, points: np.ndarray, viscosity: float) -> Discretisation:
         domain, model = self.model.domain, self.model
         step = model.engine.model.period / (self.settings.steps_per_cycle * 2**refinement)
-        return Discretisation(points, domain.tets, domain.caps, domain.inlets, step, model.density, model.viscosity)
+        return Discretisation(points, domain.tets, domain.caps, domain.inlets, step, model.density, viscosity)
 
 
 def _add_earlier(outcome: Outcome, earlier: Outcome) -> None:

@@ -40,7 +40,7 @@ class Discretisation:
 
     `node_of[i]` is the mesh node of the solver's node i. Arrays that follow from the nodes' places have a last axis of
     1, or of LANES after `of_lanes`: places (n, 3, ·), mass (n, ·), tau (n, ·), lift (n, caps, ·), admittance
-    (caps, caps, ·).
+    (caps, caps, ·), nu (·,).
 
     Parameters
     ----------
@@ -72,7 +72,9 @@ class Discretisation:
         for name in inlets:
             if name not in caps:
                 raise InputError("mesh", "inlet", name, f"no such cap; the mesh has {', '.join(caps)}")
-        self.density, self.viscosity, self.nu, self.dt = density, viscosity, viscosity / density, dt
+        self.density, self.dt = density, dt
+        nu = viscosity / density
+        self.nu = np.array([nu])
         n = len(points)
         tets = elements.oriented(points, tets)
         volume, grad = elements.gradients(points, tets)
@@ -114,11 +116,11 @@ class Discretisation:
 
         rate = BDF2[0] / dt
         self.mass_rate = rate
-        constant = self.nu * stiffness.data
+        constant = nu * stiffness.data
         constant[diagonal] += rate * mass
         self.constant = rows(constant[:, None])
         metric = np.einsum("eak,eak->e", grad, grad)
-        viscous = (3.0 * self.nu * metric) ** 2
+        viscous = (3.0 * nu * metric) ** 2
         self.tau_viscous = rows(viscous[:, None])
         tau_element = 1.0 / np.sqrt(reference_speed**2 * metric / 1.5 + viscous)
         tau = np.bincount(tets.ravel(), np.repeat(tau_element * volume / 4.0, 4), n) / mass
@@ -212,6 +214,7 @@ class Discretisation:
             replace(own[0], nodal_area=np.concatenate([cap.nodal_area for cap in own], axis=-1))
             for own in zip(*(space.caps for space in spaces), strict=True)
         ]
+        joined.nu = np.concatenate([space.nu for space in spaces])
         joined.nominal_admittance = common.nominal_admittance
         joined.factor = Cholesky.of_lanes([space.factor for space in spaces], first._inside_pattern())
         return joined

@@ -38,7 +38,7 @@ class InletProfile:
         self._area = rows(cap.nodal_area)
         relax, forced, steady = zip(
             *(
-                _responses(space, space.places[..., k], cap.faces, place, cap.nodal_area[:, k])
+                _responses(space, space.places[..., k], cap.faces, place, cap.nodal_area[:, k], space.nu[k])
                 for k in range(space.places.shape[-1])
             ),
             strict=True,
@@ -61,11 +61,11 @@ class InletProfile:
         return new
 
 
-def _responses(space: Discretisation, points, faces, place, area) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _responses(space: Discretisation, points, faces, place, area, nu) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return how a profile (k,) relaxes over a step (k, k), and the profiles of unit flow: forced and steady (k,)."""
     stiffness, mass = _cap_matrices(points, faces, place, len(area))
     rate = BDF2[0] / space.dt
-    inverse = np.linalg.inv(rate * mass + space.nu * stiffness)
+    inverse = np.linalg.inv(rate * mass + nu * stiffness)
     forced, steady = inverse @ area, np.linalg.solve(stiffness, area)
     return np.ascontiguousarray(inverse @ mass) / space.dt, forced / (area @ forced), steady / (area @ steady)
 

@@ -36,7 +36,7 @@ def system(elements, slot, tau_viscous, nu, mass_rate, u, rate, p, constant, r, 
         tau = v / square_root(fma(speed, speed, lanes(entry(tau_viscous, e))))
         half = 0.5 * (dot(ga, ua) + dot(gb, ub) + dot(gc, uc) + dot(gd, ud))
         push = gradient(ga, gb, gc, gd, load(p, i0), load(p, i1), load(p, i2), load(p, i3))
-        w, quarter, nv = v / 20.0, 0.25 * v, nu * v
+        w, quarter, nv = v / 20.0, 0.25 * v, entry(nu, 0) * v
         for c in range(3):
             qa, qb, qc, qd = part(ua, c), part(ub, c), part(uc, c), part(ud, c)
             s = gradient(ga, gb, gc, gd, qa, qb, qc, qd)

@@ -117,6 +117,7 @@ class Stepper:
         self._cap_start = np.concatenate([[0], np.cumsum([len(k) for k in space.cap_nodes])]).astype(np.int64)
         self._cap_node = np.concatenate(space.cap_nodes).astype(np.int64)
         self._inverse_mass = rows(1.0 / space.mass)
+        self._nu = rows(space.nu[None])
         self._tau, self._lift, self._near_weight = rows(space.tau), rows(space.lift), rows(space.near_weight)
         self.force: np.ndarray | None = None
         self.sweeps = np.zeros(LANES, np.int64)
@@ -154,7 +155,7 @@ class Stepper:
         if self.force is not None:
             self._rate -= self.force
         momentum.system(
-            space.elements, space.slot, space.tau_viscous, space.nu, space.mass_rate,
+            space.elements, space.slot, space.tau_viscous, self._nu, space.mass_rate,
             self.u_older, self._rate, self.kinematic_pressure, space.constant, self._r, self._matrix,
         )  # fmt: skip
         self.backflow_lanes[:] = 0

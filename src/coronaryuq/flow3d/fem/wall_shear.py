@@ -37,7 +37,7 @@ def _wall_force(elements, nu, u, p, at, force):
         um = centre(ua, ub, uc, ud)
         half = 0.5 * (dot(ga, ua) + dot(gb, ub) + dot(gc, uc) + dot(gd, ud))
         push = gradient(ga, gb, gc, gd, load(p, i0), load(p, i1), load(p, i2), load(p, i3))
-        w, quarter, nv = v / 20.0, 0.25 * v, nu * v
+        w, quarter, nv = v / 20.0, 0.25 * v, entry(nu, 0) * v
         for c in range(3):
             s = gradient(ga, gb, gc, gd, part(ua, c), part(ub, c), part(uc, c), part(ud, c))
             common = (4.0 * w) * fma(half, part(um, c), dot(um, s)) + quarter * part(push, c)
@@ -149,7 +149,7 @@ class WallShear:
         """Compute the stress of the stepper's state and add it to the integrals for `weight` seconds."""
         space = self.space
         _wall_force(
-            self._elements, space.nu, stepper.u, stepper.kinematic_pressure, self._place,
+            self._elements, rows(space.nu[None]), stepper.u, stepper.kinematic_pressure, self._place,
             self._force,
         )  # fmt: skip
         _multiply(*self._spread, self._force, self._smoothed)

@@ -60,7 +60,11 @@ class CoupledCase(FlowModel):
         folder.write(mesh_folder, replace(mesh, points=shapes.points[0]))
         outside = {name: float(factor[0]) for name, factor in shapes.outside.items()}
         return replace(
-            self, domain=replace(self.domain, points=shapes.points[0]), mesh_folder=mesh_folder, outside=outside
+            self,
+            domain=replace(self.domain, points=shapes.points[0]),
+            mesh_folder=mesh_folder,
+            outside=outside,
+            viscosity=float(shapes.viscosity[0]),
         )
 
     @property

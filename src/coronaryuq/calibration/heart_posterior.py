@@ -1,0 +1,236 @@
+"""The tuned heart as an inference: a Gauss-Newton posterior of its parameters in a few latent coordinates.
+
+The tuned parameters fit the measured values; these have errors, so that other hearts fit them as well. Around the tuned
+point the measures are linearised, which makes the posterior normal. Of its directions only those count that change
+what the coronary arteries see under hyperaemia: aortic pressure and the beds' flows. They become uncertain parameters
+of the network, log-linear factors on many of its values.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from coronaryuq.calibration import parameters
+from coronaryuq.calibration.hyperaemic_flow import hyperaemic_changes
+from coronaryuq.calibration.loop import Loop
+from coronaryuq.calibration.targets import TUNED
+from coronaryuq.case.description.routine import RoutineErrors
+from coronaryuq.case.network.network import HEART, VISCOSITY, Network
+from coronaryuq.case.tables.targets import BY_NAME
+from coronaryuq.zerod.network.beds import beds
+
+STEP = 0.02
+"""Of a parameter's range, for differences."""
+PRIOR = 0.25
+"""Standard deviation of the prior around the tuned heart, as a fraction of each parameter's range."""
+SHARE = 0.99
+"""Fraction of the variance of what the coronary arteries see that the latent coordinates carry."""
+MOST = 6
+"""Latent coordinates at most."""
+PRESSURES = ("PaoMin", "PaoMax", "PaoMean")
+FREE = np.array([k for k, p in enumerate(parameters.PARAMETERS) if p.logarithmic and p.name != "V_blood"])
+"""Parameters that vary: those with a place in the network and a logarithm. Unstressed volumes and the blood volume,
+which move the same measures, stay."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """A normal distribution: mean (n,) and covariance (n, n)."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+
+
+def gauss_newton(
+    model: Callable[[np.ndarray], np.ndarray], prior: Normal, data: np.ndarray, noise: np.ndarray, step: np.ndarray,
+    iterations: int = 1,
+) -> Normal:  # fmt: skip
+    """Return the posterior of parameters by linearising a model around the latest estimate, at first the prior's mean.
+
+    Parameters
+    ----------
+    model
+        Parameters (m, n) → predictions (m, d).
+    prior, data, noise
+        Prior of the parameters, measured values (d,) and their covariance (d, d).
+    step
+        Steps (n,) of central differences.
+    iterations
+        Linearisations.
+    """
+    point = prior.mean
+    for _ in range(iterations):
+        middle, slopes = linearised(model, point, step)
+        weighted = np.linalg.solve(noise, slopes)
+        covariance = np.linalg.inv(slopes.T @ weighted + np.linalg.inv(prior.covariance))
+        pull = weighted.T @ (data - middle + slopes @ (point - prior.mean))
+        point = prior.mean + covariance @ pull
+    return Normal(point, 0.5 * (covariance + covariance.T))
+
+
+def linearised(
+    model: Callable[[np.ndarray], np.ndarray], point: np.ndarray, step: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return predictions (d,) at a point (n,) and their slopes (d, n) by central differences."""
+    shifts = np.diag(step)
+    values = model(np.vstack([point, point + shifts, point - shifts]))
+    n = len(point)
+    return values[0], ((values[1 : n + 1] - values[n + 1 :]) / (2.0 * step[:, None])).T
+
+
+@dataclass(frozen=True)
+class HeartPosterior:
+    """Posterior of the free parameters, in searched coordinates, and the latent coordinates that carry it.
+
+    directions (n, k): change of the free parameters per standard normal coordinate. captured: fraction of the variance
+    of what the coronary arteries see. relative_sd: measure → its posterior standard deviation over its error.
+    """
+
+    posterior: Normal
+    directions: np.ndarray
+    captured: float
+    relative_sd: dict[str, float]
+
+
+def measurement_covariance(targets: Mapping[str, float], names: Sequence[str], errors: RoutineErrors) -> np.ndarray:
+    """Return the covariance (d, d) of the errors of named targets, in their units.
+
+    Clinical targets have the case's errors, population averages the spread of their tolerance.
+    """
+    relative = {
+        "AbsQin": errors.stroke_volume, "ESV": errors.ventricular_volume, "EDV": errors.ventricular_volume,
+        "AorCorSplit": errors.coronary_share,
+    }  # fmt: skip
+    own = {"EFLV": errors.ejection_fraction} | dict.fromkeys(PRESSURES, errors.pressure)
+    sd = []
+    for name in names:
+        target = BY_NAME[name]
+        size = abs(targets[name]) if target.relative else 1.0
+        # A measurement without error is still met only to the tolerance of tuning.
+        sd.append(max(own.get(name, relative.get(name, 0.0) * abs(targets[name])), 0.5 * target.tolerance * size))
+    correlation = np.eye(len(names))
+    cuff = [k for k, name in enumerate(names) if name in PRESSURES]
+    correlation[np.ix_(cuff, cuff)] += errors.pressure_correlation * (1.0 - np.eye(len(cuff)))
+    return correlation * np.outer(sd, sd)
+
+
+def heart_posterior(
+    loop: Loop, point: np.ndarray, states: tuple[np.ndarray, np.ndarray], targets: Mapping[str, float],
+    hyperaemia: float, errors: RoutineErrors,
+) -> HeartPosterior:  # fmt: skip
+    """Return the posterior of the heart around the tuned point.
+
+    Parameters
+    ----------
+    loop
+        The loop that was tuned.
+    point, states
+        Tuned parameters (36,) and their periodic states, at rest and under hyperaemia.
+    targets, errors
+        Measured values in their own units, and their errors.
+    hyperaemia
+        Factor on Ra and Ram of every bed.
+    """
+    names = [name for name in TUNED if name in targets and not name.endswith("GradOK")]
+    beds_flows = loop.bed_flows(list(beds(loop.network)))
+
+    def run(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return measures at rest (m, d) and the logarithms of what the arteries see (m, q)."""
+        points = np.tile(point, (len(free), 1))
+        points[:, FREE] = free
+        rest_states, stress_states = (np.tile(state, (len(points), 1)) for state in states)
+        rest = loop.evaluate(points, rest_states, refill=False)
+        extra = hyperaemic_changes(loop.network, points, hyperaemia)
+        stress = loop.evaluate(points, stress_states, extra=extra, waveforms=beds_flows, refill=False)
+        if not (rest.ok & stress.ok).all():
+            raise RuntimeError("the loop has no periodic state beside the tuned heart")
+        flows = [np.trapezoid(stress.waves[name], stress.time, axis=1) for name in beds_flows]
+        seen = np.log([*(stress.measures[name] for name in PRESSURES), *flows]).T
+        return np.array([rest.measures[name] for name in names]).T, seen
+
+    wide = (parameters.UPPER - parameters.LOWER)[FREE]
+    centre = point[FREE]
+    both = linearised(lambda free: np.concatenate(run(free), axis=1), centre, STEP * wide)
+    measured = np.isfinite(both[0][: len(names)]) & np.isfinite(both[1][: len(names)]).all(axis=1)
+    slopes, seen = both[1][: len(names)][measured], both[1][len(names) :]
+    known = [name for name, used in zip(names, measured, strict=True) if used]
+    noise = measurement_covariance(targets, known, errors)
+    prior = Normal(centre, np.diag((PRIOR * wide) ** 2))
+    # The tuned loop fits the data: the posterior's mean is the tuned point.
+    posterior = gauss_newton(lambda free: (free - centre) @ slopes.T, prior, np.zeros(len(known)), noise, STEP * wide)
+    directions, captured = latent_directions(posterior.covariance, seen)
+    spread = np.sqrt(np.einsum("ij,jk,ik->i", slopes, posterior.covariance, slopes) / np.diag(noise))
+    return HeartPosterior(posterior, directions, captured, dict(zip(known, spread.tolist(), strict=True)))
+
+
+def latent_directions(covariance: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return directions (n, k) of parameters that carry at least `SHARE` of the variance of linear outputs (q, n).
+
+    With them, outputs have the covariance of the first k of their principal components; parameters follow as their
+    conditional mean given the outputs.
+    """
+    value, vector = np.linalg.eigh(seen @ covariance @ seen.T)
+    order = np.argsort(value)[::-1]
+    value, vector = value[order], vector[:, order]
+    share = np.cumsum(value) / value.sum()
+    count = min(int(np.searchsorted(share, SHARE)) + 1, MOST)
+    vector = vector[:, :count] * np.where(vector[:, :count].sum(axis=0) < 0.0, -1.0, 1.0)
+    return covariance @ seen.T @ vector / np.sqrt(value[:count]), float(share[count - 1])
+
+
+def heart_parameters(found: HeartPosterior, loop: Loop) -> list[dict[str, Any]]:
+    """Return the latent coordinates as entries of `uncertain_parameters`, `heart_1` and so on."""
+    entries = []
+    for k in range(found.directions.shape[1]):
+        targets = {}
+        for column, place in enumerate(FREE):
+            parameter, coefficient = parameters.PARAMETERS[place], float(found.directions[column, k])
+            if parameter.heart is not None:
+                targets[f"{HEART}.{parameter.heart}"] = coefficient
+            for member, kinds in parameter.beds:
+                for bc in loop.network.boundary_conditions:
+                    if bc["bc_type"] in kinds:
+                        targets[f"{bc['bc_name']}.{member}"] = coefficient
+        entries.append(
+            {"name": f"heart_{k + 1}", "distribution": "lognormal", "centre": 1.0, "spread": 1.0, "kind": "factor"}
+            | {"targets": targets, "unit": "1"}
+            | {"meaning": "latent coordinate of the tuned heart", "source": "errors of cuff and echocardiogram"}
+        )
+    return entries
+
+
+def assumed_parameters(network: Network, errors: RoutineErrors) -> list[dict[str, Any]]:
+    """Return what is assumed rather than measured as entries of `uncertain_parameters`: hyperaemia and viscosity."""
+    relaxed = {f"{bed.name}.{key}": 1.0 for bed in beds(network).values() for key in (bed.arterial, *bed.myocardial)}
+    viscous = {f"{name}.R_poiseuille": 1.0 for name in network.vessel_names.values()}
+    assumed = (
+        ("hyperaemia", errors.hyperaemia, relaxed, "coronary resistance at hyperaemia over rest", "Wilson et al. 1990"),
+        (VISCOSITY, errors.viscosity, viscous, "blood viscosity over the case's", "Pries et al. 1992"),
+    )
+    return [
+        {"name": name, "distribution": "lognormal", "centre": 1.0, "spread": float(np.sqrt(np.log1p(sd**2)))}
+        | {"kind": "factor", "targets": targets, "meaning": meaning, "unit": "1", "source": source}
+        for name, sd, targets, meaning, source in assumed
+        if sd > 0.0
+    ]
+
+
+def division_parameter(radii: Mapping[str, float], network: Network, sd: float) -> list[dict[str, Any]]:
+    """Return the exponent of Murray's law for beds without measured flow, as an entry of `uncertain_parameters`.
+
+    radii: bed → radius of its outlet, cm; sd: of the exponent. A larger exponent gives the wider outlets a larger
+    share; the geometric mean of resistances stays. None with fewer than two such beds.
+    """
+    if len(radii) < 2 or sd == 0.0:
+        return []
+    logs = {name: float(np.log(radius)) for name, radius in radii.items()}
+    middle = float(np.mean(list(logs.values())))
+    known = beds(network)
+    targets = {f"{name}.{key}": middle - log for name, log in logs.items() for key in known[name].resistances}
+    return [
+        {"name": "murray_exponent", "distribution": "lognormal", "centre": 1.0, "spread": sd, "kind": "factor"}
+        | {"targets": targets, "unit": "1", "meaning": "e to the change of Murray's exponent of unmeasured outlets"}
+        | {"source": "Zhou et al. 1999; Murray 1926"}
+    ]

@@ -1,0 +1,105 @@
+"""The posterior of the tuned heart: exact where the model is linear, calibrated where it bends a little, and small."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from coronaryuq.calibration.heart_posterior import (
+    PRESSURES,
+    SHARE,
+    Normal,
+    assumed_parameters,
+    division_parameter,
+    gauss_newton,
+    latent_directions,
+    measurement_covariance,
+)
+from coronaryuq.case.description.routine import RoutineErrors
+from coronaryuq.case.network.network import UNCERTAIN, Network
+from coronaryuq.core.seeds import generator
+from coronaryuq.zerod.theta import Theta
+from support.small_loop import loop
+
+DIMENSION, DATA = 4, 6
+
+
+def random_problem(seed: int):
+    draw = generator(seed, "problem")
+    slopes = draw.normal(size=(DATA, DIMENSION))
+    spread = draw.normal(size=(DIMENSION, DIMENSION))
+    prior = Normal(draw.normal(size=DIMENSION), spread @ spread.T + 0.3 * np.eye(DIMENSION))
+    return slopes, prior, np.diag(draw.uniform(0.2, 1.0, DATA))
+
+
+def test_for_a_linear_model_the_posterior_is_the_conjugate_one():
+    slopes, prior, noise = random_problem(1)
+    data = generator(2, "data").normal(size=DATA)
+    found = gauss_newton(lambda x: x @ slopes.T, prior, data, noise, np.full(DIMENSION, 0.1))
+    gain = prior.covariance @ slopes.T @ np.linalg.inv(slopes @ prior.covariance @ slopes.T + noise)
+    np.testing.assert_allclose(found.mean, prior.mean + gain @ (data - slopes @ prior.mean), atol=1e-9)
+    np.testing.assert_allclose(found.covariance, prior.covariance - gain @ slopes @ prior.covariance, atol=1e-9)
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.05])
+def test_simulation_based_calibration_of_a_model_that_bends_a_little(bend):
+    """Ranks of the truth among posterior quantiles are uniform, in every direction (Talts et al. 2018)."""
+    trials, bins = 400, 10
+    slopes, prior, noise = random_problem(3)
+    draw = generator(4, "calibration")
+    root = np.linalg.cholesky(prior.covariance)
+
+    def model(x):
+        return x @ slopes.T + bend * (x @ slopes.T) ** 2
+
+    counts = np.zeros((DIMENSION, bins))
+    for _ in range(trials):
+        truth = prior.mean + root @ draw.normal(size=DIMENSION)
+        data = model(truth[None])[0] + np.sqrt(np.diag(noise)) * draw.normal(size=DATA)
+        found = gauss_newton(model, prior, data, noise, np.full(DIMENSION, 1e-3), iterations=6)
+        draws = found.mean + draw.normal(size=(199, DIMENSION)) @ np.linalg.cholesky(found.covariance).T
+        rank = (draws < truth).sum(axis=0)
+        counts[np.arange(DIMENSION), rank * bins // 200] += 1
+    expected = trials / bins
+    statistic = ((counts - expected) ** 2 / expected).sum(axis=1)
+    assert (statistic < chi2.isf(0.001 / DIMENSION, bins - 1)).all(), statistic
+
+
+def test_latent_directions_carry_the_outputs_covariance_and_are_uncorrelated():
+    draw = generator(5, "latent")
+    spread = draw.normal(size=(7, 7))
+    covariance, seen = spread @ spread.T, draw.normal(size=(2, 7))
+    directions, captured = latent_directions(covariance, seen)
+    assert directions.shape == (7, 2) and captured == pytest.approx(1.0)
+    np.testing.assert_allclose(seen @ directions @ directions.T @ seen.T, seen @ covariance @ seen.T, rtol=1e-9)
+    precision = np.linalg.inv(covariance)
+    np.testing.assert_allclose(directions.T @ precision @ directions, np.eye(2), atol=1e-9)
+    many = latent_directions(covariance, draw.normal(size=(20, 7)))
+    assert SHARE <= many[1] <= 1.0 or many[0].shape[1] == 6
+
+
+def test_errors_of_the_cuff_are_correlated_and_unmeasured_values_have_the_populations_spread():
+    targets = {"PaoMin": 70.0, "PaoMean": 90.0, "AbsQin": 70.0, "PraMean": 4.0}
+    errors = RoutineErrors(pressure=5.0, pressure_correlation=0.6, stroke_volume=0.1)
+    covariance = measurement_covariance(targets, list(targets), errors)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), [5.0, 5.0, 7.0, 0.6])
+    assert covariance[0, 1] == pytest.approx(0.6 * 25.0) and covariance[0, 2] == 0.0
+    assert set(PRESSURES) >= {"PaoMin", "PaoMean"}
+
+
+def test_assumed_values_become_columns_that_leave_the_network_alone_at_their_centre():
+    network = loop()
+    radii = {"BC_lca1": 0.10, "BC_lca2": 0.05}
+    entries = [*assumed_parameters(network, RoutineErrors()), *division_parameter(radii, network, 0.2)]
+    theta = Theta(Network(network | {UNCERTAIN: entries}))
+    assert theta.laws.names == ["hyperaemia", "viscosity", "murray_exponent"]
+    at_centre = theta.changes({name: np.ones(1) for name in theta.laws.names})
+    plain = Theta(network).changes({})
+    for name, value in at_centre.items():
+        block, parameter = name.rsplit(".", 1)
+        assert value == pytest.approx(
+            plain.get(name, network.vessel_values(block)[parameter] if name not in plain else 0)
+        )
+    higher = theta.changes({"murray_exponent": np.exp([0.2])})
+    ratio = (higher["BC_lca2.Ra"] / plain["BC_lca2.Ra"]) / (higher["BC_lca1.Ra"] / plain["BC_lca1.Ra"])
+    assert ratio == pytest.approx(2.0**0.2)  # twice the radius: the exponent's change more of the flow
+    assert division_parameter({"BC_lca1": 0.1}, network, 0.2) == []
