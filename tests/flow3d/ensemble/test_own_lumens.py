@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from coronaryuq.case.description.lumen import LumenError
+from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.ensemble import Ensemble
 from coronaryuq.flow3d.fem.lanes import LANES
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import theta_changes
-from support.loops import ensemble, uncertain
+from support.loops import DENSITY, VISCOSITY, domain, ensemble, network, uncertain
 
 pytestmark = pytest.mark.slow
 
@@ -92,3 +93,14 @@ def test_a_lumen_without_a_valid_mesh_is_an_outcome_with_a_reason_and_the_others
     got = run(model, z, Settings(steps_per_cycle=100, max_cycles=2, refinements=0))
     assert all(outcome.ok for outcome in got[:-1])
     assert not got[-1].ok and "drawn lumen" in got[-1].reason
+
+
+def test_the_viscosity_of_a_sample_changes_its_pressure_drop_and_nothing_of_its_neighbours():
+    model = FlowModel(domain(), network(), "A:J0", DENSITY, VISCOSITY)
+    factor = np.array([0.8, 1.0, 1.3])
+    shapes = model.shapes({"viscosity": factor}, 3)
+    outcomes = Ensemble(model, SETTINGS).run({"OUT.Rd": np.full(3, 30000.0)}, 3, shapes=shapes)
+    drops = [o.values["mean_pressure:J0:B"] - o.values["mean_pressure:B:J1"] for o in outcomes]
+    np.testing.assert_allclose(np.array(drops) / drops[1], factor, rtol=0.01)  # Poiseuille's tube
+    (shared,) = ensemble(SETTINGS).run({"OUT.Rd": np.full(1, 30000.0)}, 1)
+    assert outcomes[1].values["ffr_lad"] == pytest.approx(shared.values["ffr_lad"], rel=1e-8)
