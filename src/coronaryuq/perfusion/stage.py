@@ -12,6 +12,7 @@ from coronaryuq.core.io.atomic import replacing, write_json
 from coronaryuq.core.io.tables import read_npz
 from coronaryuq.core.provenance import stamp
 from coronaryuq.perfusion.covariance import noise_statistics, rescaled
+from coronaryuq.perfusion.further_errors import Distances, FurtherErrors, further_errors
 from coronaryuq.perfusion.realisations import NoiseStudy
 from coronaryuq.perfusion.settings import Settings
 from coronaryuq.perfusion.targets import PerfusionTargets, VentricleTotals
@@ -74,6 +75,12 @@ def gather(
     covariance = used.covariance
     if settings.branch_sd is not None:
         covariance = rescaled(covariance, settings.branch_sd * mean)
+    further = FurtherErrors(mean, {}, {})
+    if case.errors is not None:
+        rules = _rules(case_json, outlets, settings)
+        further = further_errors(ventricle, outlets, rules, mean, case.errors, seed)
+        covariance = covariance + sum(further.covariances.values())
+        mean = further.mean
     lv = VentricleTotals(
         volume=ventricle.volumes.sum(),
         mass=ventricle.volumes.sum() * case.tissue_density,
@@ -91,6 +98,8 @@ def gather(
         use=settings.use,
         branch_sd=settings.branch_sd,
         relative_sd=np.sqrt(np.diag(covariance)) / mean,
+        further=further.covariances,
+        rules=further.weights,
         realisations=settings.realisations,
         models=models,
         lv=lv,
@@ -111,6 +120,25 @@ def _read(
     else:
         distances = distances_to_centrelines(ventricle.points, outlets, Path(case_json).with_name("tree.vtp"))
     return case, outlets, ventricle, weighted_distances(distances, outlets, settings.radius_power)
+
+
+def _rules(case_json: str | Path, outlets: list[CaseOutlet], settings: Settings) -> dict[str, Distances]:
+    """Return the published rules of territories by name, the campaign's own first."""
+    places, tree = [outlet.point for outlet in outlets], Path(case_json).with_name("tree.vtp")
+
+    def to_outlets(points: np.ndarray) -> np.ndarray:
+        return distances_to_points(points, places)
+
+    def to_centrelines(points: np.ndarray) -> np.ndarray:
+        return distances_to_centrelines(points, outlets, tree)
+
+    def own(points: np.ndarray) -> np.ndarray:
+        plain = to_outlets(points) if settings.distance_to == "outlet" else to_centrelines(points)
+        return weighted_distances(plain, outlets, settings.radius_power)
+
+    if settings.distance_to == "outlet":
+        return {"outlet": own, "centreline": to_centrelines}
+    return {"centreline": own, "outlet": to_outlets}
 
 
 def _join(chunks: Sequence[str | Path], settings: Settings) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], int]:

@@ -55,8 +55,9 @@ class PerfusionTargets(_Part):
 
     `outlets` and `bc` name the outlets and their boundary conditions. `mean` (N,) mL/s and `covariance` (N, N)
     mL2/s2 are what calibration and posterior use: those of the noise model `use`, scaled to the relative standard
-    deviation `branch_sd` if it is given. `volume` (N,) cm3 and `baseline` (N,) mL/s belong to the noise-free
-    territories.
+    deviation `branch_sd` if it is given. With `uncertainty: full`, `mean` is over all `rules` of territories (rule →
+    weight), and `covariance` includes the `further` ones by source: calibration, territories, registration. `volume`
+    (N,) cm3 and `baseline` (N,) mL/s belong to the noise-free territories.
     """
 
     outlets: list[str]
@@ -68,6 +69,8 @@ class PerfusionTargets(_Part):
     use: str
     branch_sd: float | None
     relative_sd: Array
+    further: dict[str, Array] = {}
+    rules: dict[str, float] = {}
     realisations: int
     models: dict[str, NoiseStatistics]
     lv: VentricleTotals

@@ -1,4 +1,4 @@
-"""Errors of routine measurements: cuff, echocardiogram, blood and the numbers taken from the literature."""
+"""Errors of routine measurements: cuff, echocardiogram, perfusion map, blood and assumed numbers."""
 
 from typing import Annotated
 
@@ -39,6 +39,18 @@ class RoutineErrors(BaseModel):
     )
     coronary_share: Relative = Field(
         0.25, description="Relative standard deviation of the coronary fraction of cardiac output (literature value)."
+    )
+    mbf_calibration: Relative = Field(
+        0.10,
+        description="Relative standard deviation of one factor on the whole perfusion map (scanner, kinetic model, "
+        "extraction fraction): repeated scans in one session differ by 10 % (Kitkungvan et al. 2017).",
+    )
+    registration: float = Field(
+        3.0,
+        ge=0,
+        le=30,
+        description="Standard deviation of the map's place relative to the anatomy in each direction, mm: about a "
+        "voxel of a nuclear image, several of a CT's.",
     )
     hyperaemia: Relative = Field(
         0.15,
