@@ -12,6 +12,7 @@ from coronaryuq.calibration.heart_posterior import (
     division_parameter,
     gauss_newton,
     latent_directions,
+    linearised,
     measurement_covariance,
 )
 from coronaryuq.case.description.routine import RoutineErrors
@@ -75,6 +76,18 @@ def test_latent_directions_carry_the_outputs_covariance_and_are_uncorrelated():
     np.testing.assert_allclose(directions.T @ precision @ directions, np.eye(2), atol=1e-9)
     many = latent_directions(covariance, draw.normal(size=(20, 7)))
     assert SHARE <= many[1] <= 1.0 or many[0].shape[1] == 6
+
+
+def test_a_side_without_predictions_leaves_the_slope_to_the_other_and_none_leaves_none():
+    slopes = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+
+    def model(x):
+        values = x @ slopes.T
+        values[(x[:, 1] > 0.05) | (np.abs(x[:, 2]) > 0.05)] = np.nan
+        return values
+
+    _, found = linearised(model, np.zeros(3), np.full(3, 0.1))
+    np.testing.assert_allclose(found, slopes * [1.0, 1.0, 0.0])
 
 
 def test_errors_of_the_cuff_are_correlated_and_unmeasured_values_have_the_populations_spread():

@@ -7,7 +7,7 @@ import pytest
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation.results import BeyondTheMean, Probability
 from coronaryuq.report.mesh_error import MeshError
-from coronaryuq.report.vessels import vessel_card
+from coronaryuq.report.vessels import improve_first, vessel_card
 from support.estimates import estimator, row, value
 
 COLUMNS = dict.fromkeys(("ffr", "tawss_min", "osi_max"), estimator())
@@ -74,3 +74,15 @@ def test_extremes_come_after_averages_and_a_value_in_all_runs_has_no_interval(ca
     assert [cell["heading"] for cell in found["extremes"]] == ["max OSI"]
     low_shear = found["quantities"][2]
     assert (low_shear["value"], low_shear["range"]) == ("0", "in all 16 runs")
+
+
+def test_the_source_to_improve_first_is_named_with_those_that_may_be_as_large(card):
+    effects = {"flow": value(0.3, 0.2, 0.4), "lumen": value(0.6, 0.5, 0.7), "model": value(0.1, 0.05, 0.15)}
+    assert card(by_source=effects)["improve"] == (
+        "Improve first: the lumen's segmentation (shares of FFR's variance: lumen 60 %, flow 30 %, model 10 %, "
+        "numerics 0 %)."
+    )
+    close = effects | {"flow": value(0.45, 0.35, 0.55), "lumen": value(0.45, 0.35, 0.55)}
+    assert improve_first(close, 0.0).startswith("Improve first: perfusion or the lumen's segmentation (")
+    assert improve_first(effects, 0.5).startswith("Improve first: mesh and time step (")
+    assert card()["improve"] == ""

@@ -73,11 +73,19 @@ def gauss_newton(
 def linearised(
     model: Callable[[np.ndarray], np.ndarray], point: np.ndarray, step: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return predictions (d,) at a point (n,) and their slopes (d, n) by central differences."""
+    """Return predictions (d,) at a point (n,) and their slopes (d, n) by central differences.
+
+    A shifted point whose predictions are all NaN has none: the other side counts alone, and without either the
+    parameter has no slope, so that it keeps its prior.
+    """
     shifts = np.diag(step)
     values = model(np.vstack([point, point + shifts, point - shifts]))
     n = len(point)
-    return values[0], ((values[1 : n + 1] - values[n + 1 :]) / (2.0 * step[:, None])).T
+    middle, sides = values[0], (values[1 : n + 1], values[n + 1 :])
+    missing = [np.isnan(side).all(axis=1) for side in sides]
+    above, below = (np.where(m[:, None], middle, side) for m, side in zip(missing, sides, strict=True))
+    width = np.maximum(2.0 - missing[0] - missing[1], 1.0) * step
+    return middle, ((above - below) / width[:, None]).T
 
 
 @dataclass(frozen=True)
@@ -136,23 +144,24 @@ def heart_posterior(
     names = [name for name in TUNED if name in targets and not name.endswith("GradOK")]
     beds_flows = loop.bed_flows(list(beds(loop.network)))
 
-    def run(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return measures at rest (m, d) and the logarithms of what the arteries see (m, q)."""
+    def run(free: np.ndarray) -> np.ndarray:
+        """Return measures at rest and the logarithms of what the arteries see, (m, d + q); NaN if not periodic."""
         points = np.tile(point, (len(free), 1))
         points[:, FREE] = free
         rest_states, stress_states = (np.tile(state, (len(points), 1)) for state in states)
         rest = loop.evaluate(points, rest_states, refill=False)
         extra = hyperaemic_changes(loop.network, points, hyperaemia)
         stress = loop.evaluate(points, stress_states, extra=extra, waveforms=beds_flows, refill=False)
-        if not (rest.ok & stress.ok).all():
-            raise RuntimeError("the loop has no periodic state beside the tuned heart")
         flows = [np.trapezoid(stress.waves[name], stress.time, axis=1) for name in beds_flows]
         seen = np.log([*(stress.measures[name] for name in PRESSURES), *flows]).T
-        return np.array([rest.measures[name] for name in names]).T, seen
+        measured = np.array([rest.measures[name] for name in names]).T
+        return np.where((rest.ok & stress.ok)[:, None], np.concatenate([measured, seen], axis=1), np.nan)
 
     wide = (parameters.UPPER - parameters.LOWER)[FREE]
     centre = point[FREE]
-    both = linearised(lambda free: np.concatenate(run(free), axis=1), centre, STEP * wide)
+    both = linearised(run, centre, STEP * wide)
+    if np.isnan(both[0]).all():
+        raise RuntimeError("the tuned loop has no periodic state at the coarse time steps of the search")
     measured = np.isfinite(both[0][: len(names)]) & np.isfinite(both[1][: len(names)]).all(axis=1)
     slopes, seen = both[1][: len(names)][measured], both[1][len(names) :]
     known = [name for name, used in zip(names, measured, strict=True) if used]

@@ -73,7 +73,8 @@ class BeyondTheMean:
     """Quantities other than the mean.
 
     quantiles: share ("0.05") → value. zones: of FFR, in rising order; their probabilities add up to one.
-    sobol_first_order, sobol_total, shapley: input (the last two: or group of inputs) → index.
+    sobol_first_order, sobol_total, shapley: input (the last two: or group of inputs) → index. by_source: source of
+    uncertainty → Shapley effect of its inputs together, if more than flow is uncertain.
     """
 
     variance: Value | None = None
@@ -82,6 +83,7 @@ class BeyondTheMean:
     sobol_first_order: dict[str, Value] | None = None
     sobol_total: dict[str, Value] | None = None
     shapley: dict[str, Value] | None = None
+    by_source: dict[str, Value] | None = None
 
 
 @dataclass(frozen=True)

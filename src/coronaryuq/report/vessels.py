@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from coronaryuq.estimation.results import EstimatorReport, Probability, RowReport, Value
+from coronaryuq.estimation.results import NUMERICAL, EstimatorReport, Probability, RowReport, Value
 from coronaryuq.report.error_budget import error_budget
 from coronaryuq.report.mesh_error import EXTREMES, MeshError
 from coronaryuq.report.numbers import interval
@@ -49,6 +49,7 @@ def vessel_card(artery: str, rows: list[RowReport], outlets: Mapping[str, str], 
         "patient": _patient(beyond.quantiles or {}),
         "rare": _rare(beyond.quantiles or {}),
         "drivers": _drivers(beyond.shapley or {}, outlets),
+        "improve": improve_first(beyond.by_source or {}, _numerical_share(ffr, ffr_row.variance_3d)),
         "quantities": _cells(QUANTITIES, branch, rows, mesh),
         "extremes": _cells(EXTREMES, branch, rows, mesh),
         "zones": [_probability(zone) for zone in zones],
@@ -97,6 +98,39 @@ def _drivers(effects: Mapping[str, Value], outlets: Mapping[str, str], shown: in
     significant = [(name, effect) for name, effect in effects.items() if effect.low > 0]
     largest = sorted(significant, key=lambda pair: -pair[1].value)[:shown]
     return ", ".join(f"{outlets.get(name, name)} {100 * effect.value:.0f} %" for name, effect in largest)
+
+
+MEASUREMENTS = {
+    "flow": "perfusion",
+    "lumen": "the lumen's segmentation",
+    "cuff and echo": "cuff and echocardiogram",
+    "model": "the assumed hyperaemia and blood",
+    "numerics": "mesh and time step",
+}
+"""Source of uncertainty → what would have to be better known."""
+
+
+def _numerical_share(estimate: EstimatorReport, variance: float) -> float:
+    """Return the part of mesh, time step and cycles in a prediction's variance, beside that of its inputs."""
+    numerical = sum(estimate.variance.get(name, 0.0) for name in NUMERICAL)
+    return numerical / (numerical + variance) if numerical > 0.0 else 0.0
+
+
+def improve_first(effects: Mapping[str, Value], numerical: float) -> str:
+    """Return a sentence on the shares of the sources, and on which to improve first; empty if flow alone is uncertain.
+
+    effects: Shapley effect of each source; numerical: share of numerical error. Sources whose intervals overlap with
+    the largest one's are named with it.
+    """
+    if not effects:
+        return ""
+    left = 1.0 - numerical
+    shares = {name: (left * e.value, left * e.low, left * e.high) for name, e in effects.items()}
+    shares["numerics"] = (numerical, numerical, numerical)
+    order = sorted(shares, key=lambda name: -shares[name][0])
+    first = [name for name in order if shares[name][2] >= shares[order[0]][1]]
+    listed = ", ".join(f"{name} {100 * shares[name][0]:.0f} %" for name in order)
+    return f"Improve first: {' or '.join(MEASUREMENTS[name] for name in first)} (shares of FFR's variance: {listed})."
 
 
 def _quantity(estimate: EstimatorReport, most_decimals: int = 6) -> dict:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from coronaryuq.estimation.estimators import sensitivity, shapley, tails
 from coronaryuq.estimation.estimators.design import Design
 from coronaryuq.estimation.estimators.per_row import Predictions
+from coronaryuq.estimation.estimators.sources import sources
 from coronaryuq.estimation.results import BeyondTheMean
 from coronaryuq.estimation.runs.table import Row, pair
 from coronaryuq.estimation.settings import Settings
@@ -20,6 +21,8 @@ def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings
     y, _ = pair(design.runs, row)
     level = settings.level
     effects = shapley.effects(design, row, predictions, level, settings.input_groups)
+    groups = sources(design.runs.inputs)
+    by_source = shapley.effects(design, row, predictions, level, groups).shapley if groups else None
     return BeyondTheMean(
         variance=tails.variance(design, y, predictions, level),
         quantiles={
@@ -34,4 +37,5 @@ def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings
         sobol_first_order=sensitivity.sobol(design, y, predictions, level),
         sobol_total=effects.total,
         shapley=effects.shapley,
+        by_source=by_source,
     )
