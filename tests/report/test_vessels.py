@@ -79,8 +79,8 @@ def test_extremes_come_after_averages_and_a_value_in_all_runs_has_no_interval(ca
 def test_the_source_to_improve_first_is_named_with_those_that_may_be_as_large(card):
     effects = {"flow": value(0.3, 0.2, 0.4), "lumen": value(0.6, 0.5, 0.7), "model": value(0.1, 0.05, 0.15)}
     assert card(by_source=effects)["improve"] == (
-        "Improve first: the lumen's segmentation (shares of FFR's variance: lumen 60 %, flow 30 %, model 10 %, "
-        "numerics 0 %)."
+        "Improve first: the lumen's segmentation (shares of FFR's variance: lumen 60 %, flow 30 %, model 10 %; "
+        "numerics not measured)."
     )
     close = effects | {"flow": value(0.45, 0.35, 0.55), "lumen": value(0.45, 0.35, 0.55)}
     assert improve_first(close, 0.0).startswith("Improve first: perfusion or the lumen's segmentation (")
