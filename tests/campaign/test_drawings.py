@@ -20,4 +20,4 @@ def test_convergence_needs_runs_that_are_held_back():
 def test_fields_are_drawn_if_the_ensemble_solver_keeps_them():
     assert "walls" in figures(Campaign(name="x"), PATHS)
     assert "walls" not in figures(Campaign(name="x", backend="svsolver"), PATHS)
-    assert figures(Campaign(name="x"), PATHS)["osi_scatter"] == {"pairs": "results/x/estimation/pairs.csv"}
+    assert figures(Campaign(name="x"), PATHS)["scatter"] == {"pairs": "results/x/estimation/pairs.csv"}

@@ -78,10 +78,12 @@ def files(tmp_path):
     [
         ("cardiac_function", {"fit": "fit.csv"}),
         ("osi_scatter", {"pairs": "pairs.csv"}),
+        ("scatter", {"pairs": "pairs.csv"}),
         ("intervals_wss", {"estimates": "estimates.json"}),
         ("intervals_ffr", {"estimates": "estimates.json"}),
         ("convergence", {"convergence": "convergence.json"}),
         ("budget", {"budget": "budget.json"}),
+        ("osi_budget", {"budget": "budget.json"}),
         ("coverage", {"table": "cells.csv"}),
         ("hidden_effects", {"shares": "shares.csv", "answers": "answers.csv"}),
         ("rivals", {"outcomes": "outcomes.csv"}),

@@ -19,7 +19,7 @@ estimation: {steps: [30, 20], curve_nodes: 9, folds: 2}
 """
 """As an additional configuration: every stage still, with less to do in it."""
 
-MEASURED = ("budget.png",)
+MEASURED = ("budget.png", "budget.svg")
 """Figures that tell what runs have cost here, which is measured anew every time."""
 COSTS = {*MEASURED, "budget.json", "failures.json", "report.html", ".lock"}
 """Files that hold measured costs."""
@@ -50,7 +50,7 @@ def differences(one: Path, other: Path) -> list[str]:
     """Tables and figures of a campaign that are not the same bytes in another."""
     tables = ["perfusion/targets.json", "posterior/draws.csv", "estimation/table.csv", "estimation/pairs.csv"]
     tables += [f"runs/{path.name}" for path in sorted((one / "runs").glob("*.csv"))]
-    figures = [f"figures/{path.name}" for path in sorted(one.glob("figures/*.png")) if path.name not in MEASURED]
+    figures = [f"figures/{path.name}" for path in sorted(one.glob("figures/*.*")) if path.name not in MEASURED]
     return [name for name in (*tables, *figures) if (one / name).read_bytes() != (other / name).read_bytes()]
 
 

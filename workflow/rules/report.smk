@@ -7,6 +7,7 @@ rule figure:
         unpack(lambda wildcards: figures[wildcards.figure]),
     output:
         figure=results("figures", "{figure}.png"),
+        drawing=results("figures", "{figure}.svg"),
     log:
         log_of("figures", "{figure}.log"),
     wildcard_constraints:
@@ -34,6 +35,9 @@ rule report:
         **({"losses_fit": rules.losses.output.fit_json, "losses": rules.losses.output.losses_csv} if teaches else {}),
         **({"adoption": rules.adoption_comparison.output.comparison_json} if adopts else {}),
         case=rules.case.output.case_json,
+        tree=rules.case.output.tree_vtp,
+        lv=rules.case.output.lv_vtu,
+        pressures=rules.pressure_map.output.out_csv,
         fit=rules.calibration.output.fit_csv,
         targets=rules.perfusion.output.out_json,
         summary=rules.posterior.output.summary,
@@ -41,7 +45,10 @@ rule report:
         failures=rules.runs.output.failures,
         estimates=rules.estimation.output.estimates_json,
         budget=rules.budget.output.out_json,
+        table=rules.estimation.output.table_csv,
+        records=lambda wildcards: runs_of_campaign(wildcards)["records"],
         figures=expand(rules.figure.output.figure, figure=figures),
+        drawings=expand(rules.figure.output.drawing, figure=figures),
         costs=costs_of_campaign,
         answers=searches.answers if searches.in_report else [],
         drawn=searches.figures if searches.in_report else [],

@@ -26,12 +26,12 @@ rule zerod_chunk:
 
 
 rule pressure_map:
-    """Compute the mean pressure along the tree at the posterior mean."""
+    """Compute the mean pressure and flow along the tree, over the posterior."""
     input:
         network_json=rules.calibration.output.hyperaemia_json,
         case_json=rules.case.output.case_json,
         tree_vtp=rules.case.output.tree_vtp,
-        draws_csv=rules.posterior.output.draws,
+        samples_csv=expand(rules.samples.output.out_csv, set="propagation")[0],
     output:
         out_csv=results("zerod", "pressures.csv"),
     log:

@@ -141,10 +141,10 @@ FRACTIONS: Columns = (
 )
 PRESSURES: Columns = (
     ("vessel", "vessel of the tree", "text"),
-    ("position", "arc length along it", "cm"),
-    ("pressure", "mean pressure", "dyn/cm2"),
-    ("ffr", "mean pressure over that of the aorta", "1"),
-    ("flow", "mean flow", "mL/s"),
+    ("position", "arc length along it over its length", "1"),
+    ("pressure(_low|_high)?", "mean pressure: median, 5 and 95 % quantile over the posterior", "dyn/cm2"),
+    ("ffr(_low|_high)?", "mean pressure over that of the aorta: median, 5 and 95 % quantile", "1"),
+    ("flow(_low|_high)?", "mean flow: median, 5 and 95 % quantile", "mL/s"),
 )
 ROWS: Columns = (
     *ROW,

@@ -6,32 +6,27 @@ from coronaryuq.config import Campaign
 HELD_BACK = 20
 """Number of 3D runs that the convergence study holds out to judge a subsample."""
 CASE = {"case": "case/case.json", "tree": "case/tree.vtp"}
-FLOWS = {
-    "posterior": "posterior/posterior.nc",
-    "case": "case/case.json",
-    "targets": "perfusion/targets.json",
-    "summary": "posterior/summary.json",
-}
+DRAWS = {"posterior": "posterior/posterior.nc", "case": "case/case.json"}
+FLOWS = DRAWS | {"targets": "perfusion/targets.json", "summary": "posterior/summary.json"}
 ALWAYS = {
     "territories": CASE | {"lv": "case/lv.vtu"},
     "cardiac_function": {"fit": "calibration/fit.csv"},
-    "marginals": {"posterior": "posterior/posterior.nc", "case": "case/case.json"},
+    "marginals": DRAWS | {"summary": "posterior/summary.json"},
+    "chains": DRAWS,
     "tree_ffr": CASE | {"pressures": "zerod/pressures.csv"},
     "flows": FLOWS,
-    "flow_covariance": FLOWS,
+    "flow_correlation": FLOWS,
 }
-ESTIMATES = {
-    "osi_scatter": {"pairs": "pairs.csv"},
-    "intervals_wss": {"estimates": "estimates.json"},
-    "intervals_ffr": {"estimates": "estimates.json"},
-    "budget": {"budget": "budget.json"},
-}
-"""Figures also drawn for the published runs, by files in the folder of estimates."""
+INTERVALS = {"intervals_wss": {"estimates": "estimates.json"}, "intervals_ffr": {"estimates": "estimates.json"}}
+ESTIMATES = INTERVALS | {"scatter": {"pairs": "pairs.csv"}, "budget": {"budget": "budget.json"}}
+"""Figures of a campaign by files in its folder of estimates."""
+PUBLISHED = INTERVALS | {"osi_scatter": {"pairs": "pairs.csv"}, "osi_budget": {"budget": "budget.json"}}
+"""The same of the published runs, whose example is maximum OSI."""
 
 
 def figures(campaign: Campaign, paths: Paths) -> dict[str, dict[str, str]]:
     """Return the campaign's figures: name → inputs by keyword of the function that draws it."""
-    chosen = ALWAYS | _in_folder("estimation")
+    chosen = ALWAYS | _in_folder(ESTIMATES, "estimation")
     if min(campaign.estimation.convergence_sizes, default=0) <= campaign.samples.n_3d - HELD_BACK:
         chosen["convergence"] = {"convergence": "estimation/convergence.json"}
     if campaign.backend == "ensemble" and campaign.flow3d.fields:
@@ -41,11 +36,11 @@ def figures(campaign: Campaign, paths: Paths) -> dict[str, dict[str, str]]:
 
 def paper_figures(paths: Paths) -> dict[str, dict[str, str]]:
     """Return the figures of the published runs; their convergence has a rule of its own."""
-    return _of(_in_folder("paper"), paths)
+    return _of(_in_folder(PUBLISHED, "paper"), paths)
 
 
-def _in_folder(folder: str) -> dict[str, dict[str, str]]:
-    return {name: {key: f"{folder}/{file}" for key, file in files.items()} for name, files in ESTIMATES.items()}
+def _in_folder(figures: dict[str, dict[str, str]], folder: str) -> dict[str, dict[str, str]]:
+    return {name: {key: f"{folder}/{file}" for key, file in files.items()} for name, files in figures.items()}
 
 
 def _of(figures: dict[str, dict[str, str]], paths: Paths) -> dict[str, dict[str, str]]:

@@ -87,9 +87,7 @@ class Settings(BaseModel):
         le=20,
         description="Maximum number of rounds of growth, each of which at most doubles the runs and the chains.",
     )
-    convergence_rows: list[str] = Field(
-        [], description="Rows of the convergence study; empty: those with networks whose 3D column is an OSI."
-    )
+    convergence_rows: list[str] = Field([], description="Rows of the convergence study; empty: FFR with 0D FFR.")
     convergence_sizes: list[int] = Field(
         [25, 50, 100, 150, 200, 250, 300, 400], description="Subsample sizes (3D runs) of the convergence study."
     )

@@ -58,13 +58,17 @@ def estimate(
 
 
 def convergence(
-    runs_folder: str | Path, settings: Settings, seed: int, out_json: str | Path, rows_csv: str | Path | None = None
-) -> None:
-    """Write the convergence study, {"convergence": [...]}; arguments as in `training.write_networks`."""
+    runs_folder: str | Path, settings: Settings, seed: int, out_json: str | Path, rows_csv: str | Path | None = None,
+    shown: str = "FFR, FFR",
+) -> None:  # fmt: skip
+    """Write the convergence study, {"convergence": [...]}; arguments as in `training.write_networks`.
+
+    shown: beginning of the label of the rows with networks that are studied if the settings name none.
+    """
     runs, rows = read_chosen(runs_folder, rows_csv, settings)
     named = settings.convergence_rows
-    osi = [row for row in rows if row.networks and "osi" in row.column_3d.lower()]
-    chosen = [row for row in rows if row.name in named] if named else osi
+    usual = [row for row in rows if row.networks and row.label.startswith(shown)]
+    chosen = [row for row in rows if row.name in named] if named else usual
     entries = subsamples(runs, chosen, settings, seed)
     write_json(out_json, {"convergence": plain(entries)})
 

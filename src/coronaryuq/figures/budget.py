@@ -3,23 +3,22 @@
 import numpy as np
 
 from coronaryuq.estimation.results import read_budget, read_convergence
-from coronaryuq.figures.style import ESTIMATORS, MUTED, saved
+from coronaryuq.figures.style import ESTIMATORS, MUTED, Output, colour, limit_line, saved
 
-SHOWN = "max OSI"
-"""The paper's example in both figures; the budget is that of patch-max OSI, an average, where that is estimated."""
 LEAST_COST = 1e-2
 """Smallest cost that is drawn, in 3D runs; lower ones would only extend the logarithmic axis."""
 SERIES = (
     ("rho_original", "3D against 0D, same θ", MUTED),
-    ("rho_ae_in_sample", "MFMC-AE, in-sample", "#E7B394"),
+    ("rho_ae_in_sample", "MFMC-AE, in-sample", "#E2B5CB"),
     ("rho_ae_held_out", "MFMC-AE, held out", ESTIMATORS["MFMC-AE"]),
     ("rho_crossfit_gp_held_out", "crossfit-GP, held out", ESTIMATORS["crossfit-GP"]),
 )
 
 
-def convergence(convergence: str, output: str) -> None:
-    """Draw correlations and the Monte Carlo mean of maximum OSI over random subsamples, a dot each (Fig. 6)."""
-    entries = [entry for entry in read_convergence(convergence) if entry.label.startswith(SHOWN)]
+def convergence(convergence: str, output: Output) -> None:
+    """Draw correlations and the Monte Carlo mean of a quantity over random subsamples, a dot each (Fig. 6)."""
+    entries = read_convergence(convergence)
+    quantity = entries[0].label.split(", ")[0] if entries else ""
     rows = list(dict.fromkeys(entry.row for entry in entries))
     columns = max(len(rows), 1)
     with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5), squeeze=False, sharex="col") as (
@@ -42,20 +41,33 @@ def convergence(convergence: str, output: str) -> None:
             for entry in of_row:
                 means = entry.mean_mc
                 axes[1][column].plot(np.full(len(means), entry.n_3d), means, ".", ms=3, alpha=0.5, color="black")
+            if quantity == "FFR":
+                limit_line(axes[1][column], along="y")
             axes[0][column].set_ylim(0, 1.03)
-            axes[0][column].set_title(of_row[0].label.split(", ")[-1], fontsize=9)
+            branch = of_row[0].label.split(", ")[-1]
+            axes[0][column].set_title(branch, color=colour(branch))
             axes[1][column].set_xlabel("3D runs")
         axes[0][0].set_ylabel("|ρ|")
-        axes[1][0].set_ylabel("Monte Carlo mean of max OSI")
+        axes[1][0].set_ylabel(f"Monte Carlo mean of {quantity}")
         if rows:
             figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=8)
 
 
-def budget(budget: str, output: str) -> None:
-    """Draw the optimal variance against the budget, and the cost of a smaller variance (Fig. 7)."""
+def budget(budget: str, output: Output) -> None:
+    """Draw the optimal variance of FFR against the budget, and the cost of a smaller variance (Fig. 7)."""
+    _budget(budget, output, ("FFR, FFR", "FFR"))
+
+
+def osi_budget(budget: str, output: Output) -> None:
+    """Draw the same of patch-max OSI, or of maximum OSI, the paper's example, where that is not estimated."""
+    _budget(budget, output, ("patch-max OSI", "max OSI"))
+
+
+def _budget(budget: str, output: Output, candidates: tuple[str, ...]) -> None:
+    """Draw the rows of the first of some quantities that was estimated."""
     every = read_budget(budget).budget
-    shown = "patch-max OSI" if any(row.label.startswith("patch-max OSI") for row in every) else SHOWN
-    rows = [row for row in every if row.label.startswith(shown)]
+    by_quantity = [[row for row in every if row.label.startswith(f"{name}, ")] for name in candidates]
+    rows = next(filter(None, by_quantity), [])
     columns = max(len(rows), 1)
     with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5.4), squeeze=False) as (figure, axes):
         for column, row in enumerate(rows):
@@ -66,11 +78,12 @@ def budget(budget: str, output: str) -> None:
                 cost = np.array(curve.additional_cost, dtype=float)
                 reached = np.isfinite(cost) & (cost > LEAST_COST)
                 axes[1][column].loglog(np.array(row.variance_factor)[reached], cost[reached], **look)
-            axes[0][column].set_title(row.label.split(", ")[-1], fontsize=9)
+            branch = row.label.split(", ")[-1]
+            axes[0][column].set_title(branch, color=colour(branch))
             axes[0][column].set_xlabel("budget (3D runs)")
             axes[1][column].set_xlabel("variance / current variance")
             axes[1][column].invert_xaxis()
-        axes[0][0].set_ylabel(f"optimal variance, mean of {shown}")
-        axes[1][0].set_ylabel("additional cost (3D runs)")
         if rows:
+            axes[0][0].set_ylabel(f"optimal variance, mean of {rows[0].label.split(', ')[0]}")
+            axes[1][0].set_ylabel("additional cost (3D runs)")
             figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)

@@ -3,13 +3,13 @@
 import numpy as np
 
 from coronaryuq.core.io.tables import read_csv
-from coronaryuq.figures.style import MEASURED, MUTED, SIMULATED, saved
+from coronaryuq.figures.style import MEASURED, MUTED, SIMULATED, Output, saved
 
 NARROW, WIDEST = 5.0, 60.0
 """Half widths in per cent: of the grey band, and the maximum of the axis."""
 
 
-def cardiac_function(fit: str, output: str) -> None:
+def cardiac_function(fit: str, output: Output) -> None:
     """Draw the difference of the tuned model from each target in per cent, and both values; arrowhead: beyond the axis.
 
     Clinical targets of this patient come first, those from the literature (flow waveforms, valve times) below.
@@ -42,7 +42,7 @@ def cardiac_function(fit: str, output: str) -> None:
             )  # fmt: skip
         axis.set_yticks(y, table["description"], fontsize=7.5)
         axis.set_xlim(-1.03 * wide, 1.03 * wide)
-        axis.set_xlabel("difference from target (%); grey: within 5 %; numbers: target → model")
+        axis.set_xlabel("difference from target (%)")
         axis.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, fontsize=7.5)
         axis.spines["left"].set_visible(False)
         axis.tick_params(axis="y", length=0)

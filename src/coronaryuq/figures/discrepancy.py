@@ -15,8 +15,8 @@ from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.style import MUTED, saved
 
-MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#0072B2", "#D55E00", "#009E73"
-TOGETHER = "#CC79A7"
+MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#8C7AB8", "#B5477F", "#8A6D1D"
+TOGETHER = "#4B2E83"
 MOST_PANELS = 6
 
 

@@ -4,21 +4,25 @@ import importlib
 from collections.abc import Mapping
 
 from coronaryuq.core.errors import InputError
+from coronaryuq.figures.style import Output
 
 FIGURES: dict[str, str] = {
     "cardiac_function": "coronaryuq.figures.calibration:cardiac_function",
     "territories": "coronaryuq.figures.scenes:territories",
     "marginals": "coronaryuq.figures.posterior:marginals",
     "flows": "coronaryuq.figures.posterior:flows",
-    "flow_covariance": "coronaryuq.figures.posterior:flow_covariance",
+    "flow_correlation": "coronaryuq.figures.posterior:flow_correlation",
+    "chains": "coronaryuq.figures.posterior:chains",
     "tree_ffr": "coronaryuq.figures.scenes:tree_by_ffr",
     "walls": "coronaryuq.figures.scenes:walls",
     "lumen": "coronaryuq.figures.scenes:lumen",
     "osi_scatter": "coronaryuq.figures.estimates:osi_scatter",
+    "scatter": "coronaryuq.figures.estimates:scatter",
     "intervals_wss": "coronaryuq.figures.estimates:intervals_wss",
     "intervals_ffr": "coronaryuq.figures.estimates:intervals_ffr",
     "convergence": "coronaryuq.figures.budget:convergence",
     "budget": "coronaryuq.figures.budget:budget",
+    "osi_budget": "coronaryuq.figures.budget:osi_budget",
     "coverage": "coronaryuq.figures.coverage:coverage",
     "discrepancy_tree": "coronaryuq.figures.discrepancy:tree",
     "discrepancy_residuals": "coronaryuq.figures.discrepancy:residuals",
@@ -34,7 +38,7 @@ FIGURES: dict[str, str] = {
 }
 
 
-def draw(name: str, inputs: Mapping[str, str], output: str) -> None:
+def draw(name: str, inputs: Mapping[str, str], output: Output) -> None:
     """Draw a figure.
 
     Parameters
@@ -44,10 +48,10 @@ def draw(name: str, inputs: Mapping[str, str], output: str) -> None:
     inputs
         Path of each input file, by the parameter's name of the function that draws.
     output
-        PNG or SVG file.
+        PNG or SVG files.
     """
     if name not in FIGURES:
-        raise InputError(output, "figure", name, f"unknown figure; available: {', '.join(FIGURES)}")
+        raise InputError("figures", "figure", name, f"unknown figure; available: {', '.join(FIGURES)}")
     module, _, function = FIGURES[name].partition(":")
     getattr(importlib.import_module(module), function)(**inputs, output=output)
 

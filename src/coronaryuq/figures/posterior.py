@@ -1,118 +1,161 @@
-"""Posterior marginals of the resistances, simulated flows and their targets, their covariance (Figs. 2, A.2)."""
+"""The posterior of the resistances and flows: against prior and targets, correlations, ranks of the chains."""
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 
-from coronaryuq.case.case_json import read_case
+from coronaryuq.case.case_json import CaseOutlet, read_case
+from coronaryuq.core.seeds import generator
 from coronaryuq.core.units import ML_PER_MIN
-from coronaryuq.figures.style import MEASURED, SIMULATED, saved
+from coronaryuq.figures.style import MUTED, Output, colour, saved
 from coronaryuq.perfusion.targets import read_perfusion_targets
 from coronaryuq.posterior.results import read_summary
 
+HALF, WHOLE = (0.25, 0.75), (0.025, 0.975)
+CORRELATION = "PuOr"
+PERFECT = 2000
+"""Simulated perfect chains behind the band of the ranks."""
 
-def marginals(posterior: str, case: str, output: str) -> None:
-    """Draw the histogram of each bed's resistance as a multiple of r-hat, with mean and 95 % interval (Fig. 2a)."""
+
+def marginals(posterior: str, case: str, summary: str, output: Output) -> None:
+    """Draw the posterior of each bed's resistance as a multiple of r-hat on its prior, as a forest plot."""
     beds, r, _ = _read(posterior)
-    names, limits = _names(case), (r.min(), r.max())
-    with _grid(output, len(beds)) as axes:
-        for axis, bed, values in zip(axes, beds, r.T, strict=True):
-            axis.hist(values, bins=np.linspace(*limits, 41), density=True, color=SIMULATED, alpha=0.75)
-            low, high = np.quantile(values, [0.025, 0.975])
-            axis.axvspan(low, high, color=SIMULATED, alpha=0.12, lw=0)
-            axis.axvline(values.mean(), color="black", lw=1)
-            axis.set_title(f"{names[bed]}: {values.mean():.2f} ({low:.2f} to {high:.2f})", fontsize=7.5)
-            axis.set_yticks([])
-        _label(axes, "resistance / r̂", "posterior density")
+    outlets = _outlets(case, beds)
+    low, high = read_summary(summary).provenance["settings"]["prior"]
+    prior = np.quantile([low, high], WHOLE)  # of a uniform law
+    with saved(output, figsize=(6.4, 0.26 * len(beds) + 0.9)) as (_, axis):
+        for y, outlet, values in zip(_places(beds), outlets, _draws(r).T, strict=True):
+            axis.plot(prior, [y, y], lw=9, color=MUTED, alpha=0.3, solid_capstyle="butt", zorder=1)
+            _range(axis, y, values, outlet)
+        axis.axvline(1.0, color="black", lw=0.8, ls=":")
+        _named(axis, outlets, "resistance / r̂")
 
 
-def flows(posterior: str, case: str, targets: str, summary: str, output: str) -> None:
-    """Draw the simulated flow of each outlet, its target and the target's noise (Fig. 2b)."""
+def flows(posterior: str, case: str, targets: str, summary: str, output: Output) -> None:
+    """Draw the simulated flow of each outlet on its target and the target's noise, as a forest plot."""
     beds, _, flow = _read(posterior)
-    names, mean, covariance = _names(case), *_targets(targets, summary)
+    outlets, (mean, covariance) = _outlets(case, beds), _targets(targets, summary)
+    reach = 1.96 * np.sqrt(np.diag(covariance))
+    with saved(output, figsize=(6.4, 0.26 * len(beds) + 0.9)) as (_, axis):
+        rows = zip(_places(beds), outlets, _draws(flow).T, mean, reach, strict=True)
+        for y, outlet, values, m, s in rows:
+            ends = np.array([m - s, m + s]) / ML_PER_MIN
+            axis.plot(ends, [y, y], lw=9, color=MUTED, alpha=0.3, solid_capstyle="butt", zorder=1)
+            axis.plot(m / ML_PER_MIN, y, "|", color="black", ms=11, mew=1.4, zorder=4)
+            _range(axis, y, values / ML_PER_MIN, outlet)
+        axis.set_xlim(left=0)
+        _named(axis, outlets, "flow in hyperaemia (mL/min)")
+
+
+def flow_correlation(posterior: str, case: str, targets: str, summary: str, output: Output) -> None:
+    """Draw the correlations of simulated flows below the diagonal, of the targets' noise above it."""
+    beds, _, flow = _read(posterior)
+    outlets, (_, covariance) = _outlets(case, beds), _targets(targets, summary)
     spread = np.sqrt(np.diag(covariance))
-    with _grid(output, len(beds)) as axes:
-        for axis, bed, values, m, s in zip(axes, beds, flow.T, mean, spread, strict=True):
-            axis.hist(values / ML_PER_MIN, bins=40, density=True, color=SIMULATED, alpha=0.75, label="simulated")
-            x = np.linspace(m - 3.2 * s, m + 3.2 * s, 200)
-            density = np.exp(-0.5 * ((x - m) / s) ** 2) / (s * math.sqrt(2 * math.pi))
-            axis.plot(x / ML_PER_MIN, density * ML_PER_MIN, color=MEASURED, lw=1.2, label="noise of the target")
-            axis.axvline(m / ML_PER_MIN, color="black", lw=1, ls="--", label="target")
-            axis.set_title(names[bed], fontsize=8)
-            axis.set_yticks([])
-        _label(axes, "flow (mL/min)", "density")
-        axes[0].figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+    simulated, noise = np.corrcoef(_draws(flow).T), covariance / np.outer(spread, spread)
+    below = np.tril(np.ones((len(beds), len(beds)), bool), -1)
+    shown = np.where(below, simulated, noise)
+    np.fill_diagonal(shown, np.nan)
+    side = 0.42 * len(beds) + 1.6
+    with saved(output, figsize=(side + 0.6, side)) as (figure, axis):
+        picture = axis.imshow(shown, cmap=CORRELATION, vmin=-1, vmax=1)
+        for (row, column), value in np.ndenumerate(shown):
+            if np.isfinite(value):
+                ink = "white" if abs(value) > 0.7 else "black"
+                axis.text(column, row, _signed(value), ha="center", va="center", fontsize=6.5, color=ink)
+        for ticks, set_ticks in ((axis.get_xticklabels, axis.set_xticks), (axis.get_yticklabels, axis.set_yticks)):
+            set_ticks(range(len(outlets)), [outlet.label for outlet in outlets])
+            for text, outlet in zip(ticks(), outlets, strict=True):
+                text.set_color(colour(outlet.branch))
+        axis.tick_params(length=0)
+        axis.tick_params(axis="x", rotation=90)
+        axis.set_xlabel("below the diagonal: simulated; above: noise of the targets")
+        for spine in axis.spines.values():
+            spine.set_visible(False)
+        bar = figure.colorbar(picture, ax=axis, shrink=0.7, aspect=24)
+        bar.set_label("correlation")
+        bar.outline.set_visible(False)
 
 
-def flow_covariance(posterior: str, case: str, targets: str, summary: str, output: str) -> None:
-    """Draw simulated flows of each pair of outlets, and the ellipse of 95 % of the targets' noise (Fig. A.2)."""
-    beds, _, flow = _read(posterior)
-    names, mean, covariance = _names(case), *_targets(targets, summary)
-    n, side = len(beds), 0.85 * len(beds)
-    shown = flow[:: max(1, len(flow) // 250)] / ML_PER_MIN
-    mean, covariance = mean / ML_PER_MIN, covariance / ML_PER_MIN**2
-    with saved(output, nrows=n - 1, ncols=n - 1, figsize=(side, side), squeeze=False, layout=None) as (figure, axes):
-        for row in range(1, n):
-            for column in range(n - 1):
-                axis = axes[row - 1][column]
-                if column >= row:
-                    axis.remove()
-                    continue
-                axis.plot(shown[:, column], shown[:, row], ".", ms=1.5, alpha=0.5, color=SIMULATED, rasterized=True)
-                pair = np.ix_([column, row], [column, row])
-                axis.plot(*_ellipse(mean[[column, row]], covariance[pair]), "--", color="black", lw=0.8)
-                axis.tick_params(labelsize=4.5, length=2, pad=1)
-                if row == n - 1:
-                    axis.set_xlabel(names[beds[column]], fontsize=6.5)
-                if column == 0:
-                    axis.set_ylabel(names[beds[row]], fontsize=6.5)
-        # Margins in inches; a constrained layout would measure every tick label of all panels.
-        edge = 0.5 / side
-        figure.subplots_adjust(edge, edge, 1 - edge / 4, 1 - edge, wspace=0.35, hspace=0.3)
-        figure.suptitle("Outlet flows (mL/min): simulated (dots), 95 % of the targets' noise (dashed)", fontsize=9)
+def chains(posterior: str, case: str, output: Output) -> None:
+    """Draw the distribution of every chain's ranks less that of a perfect chain (Säilynoja et al. 2022)."""
+    beds, r, _ = _read(posterior)
+    outlets, (number, length, _) = _outlets(case, beds), r.shape
+    grid = np.linspace(0.0, 1.0, 101)
+    reach = _band(number, length, grid)
+    with saved(output, figsize=(6.4, 3.4)) as (_, axis):
+        axis.fill_between(grid, -reach, reach, color=MUTED, alpha=0.3, lw=0)
+        for bed, outlet in enumerate(outlets):
+            rank = np.argsort(np.argsort(_draws(r)[:, bed])).reshape(number, length)
+            for of_chain in np.sort((rank + 0.5) / (number * length), axis=1):
+                difference = np.searchsorted(of_chain, grid, side="right") / length - grid
+                axis.plot(grid, difference, lw=0.5, alpha=0.5, color=colour(outlet.branch))
+        for branch in dict.fromkeys(outlet.branch for outlet in outlets):
+            axis.plot([], [], color=colour(branch), label=f"outlets of the {branch}")
+        axis.axhline(0.0, color="black", lw=0.8)
+        axis.set(xlabel="rank among all draws / number of draws", ylabel="share of the chain below, less the rank")
+        axis.legend(fontsize=7.5, ncols=3, loc="lower left", bbox_to_anchor=(0, 1))
+
+
+def _band(number: int, length: int, grid: np.ndarray) -> np.ndarray:
+    """Return the distance (n,) from zero within which 95 % of perfect chains stay at every point of the grid."""
+    draw = generator(1, "figures", "perfect chains")
+    uniform = np.sort(draw.uniform(size=(PERFECT, length)), axis=1)
+    share = np.stack([np.searchsorted(one, grid, side="right") for one in uniform]) / length
+    # Ranks of one chain among several are drawn without replacement.
+    scale = np.sqrt(grid * (1 - grid) / length)
+    inside = scale > 0
+    largest = (np.abs(share - grid)[:, inside] / scale[inside]).max(axis=1)
+    return float(np.quantile(largest, 0.95)) * scale * math.sqrt((number - 1) / number if number > 1 else 1.0)
+
+
+def _signed(value: float) -> str:
+    """Format a correlation with one decimal, zero without a sign."""
+    return "0" if abs(value) < 0.05 else f"{value:.1f}".replace("-", "−")
+
+
+def _range(axis, y: float, values: np.ndarray, outlet: CaseOutlet) -> None:
+    """Draw the central 95 and 50 % and the median of some values."""
+    for share, width in ((WHOLE, 1.4), (HALF, 4.5)):
+        axis.plot(np.quantile(values, share), [y, y], lw=width, color=colour(outlet.branch), zorder=2)
+    axis.plot(np.median(values), y, "o", ms=4.5, color="white", mec=colour(outlet.branch), zorder=5)
+
+
+def _places(beds: list[str]) -> list[int]:
+    return list(range(len(beds)))[::-1]
+
+
+def _named(axis, outlets: list[CaseOutlet], label: str) -> None:
+    axis.set_yticks(_places([outlet.bc for outlet in outlets]), [outlet.label for outlet in outlets])
+    for text, outlet in zip(axis.get_yticklabels(), outlets, strict=True):
+        text.set_color(colour(outlet.branch))
+    axis.tick_params(axis="y", length=0)
+    axis.set_ylim(-0.7, len(outlets) - 0.3)
+    axis.set_xlabel(label)
+    axis.spines["left"].set_visible(False)
+
+
+def _draws(values: np.ndarray) -> np.ndarray:
+    """Return the draws of all chains, (draws, beds)."""
+    return values.reshape(-1, values.shape[-1])
 
 
 def _read(posterior: str) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Return beds, and multipliers and flows (draws, beds) of all chains."""
+    """Return beds, and multipliers and flows (chains, draws, beds)."""
     import xarray
 
     data = xarray.load_dataset(posterior, group="posterior", engine="h5netcdf")
     beds = [str(bed) for bed in data["bed"].values]
-    return beds, data["r"].values.reshape(-1, len(beds)), data["flow"].values.reshape(-1, len(beds))
+    return beds, data["r"].values, data["flow"].values
 
 
-def _names(case: str) -> dict[str, str]:
-    return {outlet.bc: outlet.label for outlet in read_case(case).outlets}
+def _outlets(case: str, beds: list[str]) -> list[CaseOutlet]:
+    """Return the outlet of every bed."""
+    by_bed = {outlet.bc: outlet for outlet in read_case(case).outlets}
+    return [by_bed[bed] for bed in beds]
 
 
 def _targets(targets: str, summary: str) -> tuple[np.ndarray, np.ndarray]:
     """Return mean and covariance of the targets as the likelihood uses them, scaled to the model's total."""
     content, factor = read_perfusion_targets(targets), read_summary(summary).target_scale
     return content.mean * factor, content.covariance * factor**2
-
-
-def _ellipse(mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return the outline (2, n) that contains 95 % of a normal distribution in the plane."""
-    values, vectors = np.linalg.eigh(covariance)
-    angle = np.linspace(0, 2 * np.pi, 100)
-    radius = math.sqrt(-2 * math.log(0.05))
-    return mean[:, None] + radius * vectors @ (np.sqrt(values)[:, None] * np.stack([np.cos(angle), np.sin(angle)]))
-
-
-@contextmanager
-def _grid(output: str, panels: int, columns: int = 5) -> Iterator[list]:
-    """Yield the axes of small panels, `columns` per row; the remaining ones are left empty."""
-    rows = math.ceil(panels / columns)
-    size = (2 * columns, 1.55 * rows + 0.5)
-    with saved(output, nrows=rows, ncols=columns, figsize=size, squeeze=False) as (_, axes):
-        for axis in axes.flat[panels:]:
-            axis.set_axis_off()
-        yield list(axes.flat[:panels])
-
-
-def _label(axes: list, x: str, y: str) -> None:
-    figure = axes[0].figure
-    figure.supxlabel(x, fontsize=9)
-    figure.supylabel(y, fontsize=9)

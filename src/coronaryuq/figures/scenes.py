@@ -8,28 +8,33 @@ import matplotlib
 import numpy as np
 import pyvista as pv
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm, Normalize, to_hex, to_rgb
+from matplotlib.colors import Colormap, LogNorm, Normalize, to_hex, to_rgb
 from matplotlib.patheffects import withStroke
 
-from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, placed_stenoses, read_tree
+from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel, placed_stenoses, read_tree
 from coronaryuq.case.case_json import CaseOutlet, read_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.io.vtk import read_vtk
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
-from coronaryuq.figures.render import Camera, Rendering, rendered
-from coronaryuq.figures.style import BRANCHES, saved
+from coronaryuq.figures.render import Camera, Item, Rendering, rendered
+from coronaryuq.figures.style import BRANCHES, DARK, FFR_COLOURS, FFR_LIMIT, FFR_RANGE, Output, ffr_map, saved
 
 FRONT = Camera((0.65, -1.0, 0.2))
 """From the front, slightly from the left and above, in left-posterior-superior axes."""
 BACK = Camera((0.1, 0.75, -0.65))
 """From behind and below: the territories of the right coronary and circumflex arteries."""
 
+GHOST = {"color": "#9AA0A6", "opacity": 0.3}
+"""Of the aorta, which has no FFR and is often made, not measured."""
+CUFF = 0.035
+"""Half the length (cm) of the dark edge at the limit of FFR."""
+
 EDGE = [withStroke(linewidth=2.2, foreground="white")]
 BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
 
-def territories(case: str, lv: str, tree: str, output: str) -> None:
+def territories(case: str, lv: str, tree: str, output: Output) -> None:
     """Draw myocardial blood flow, and the territory of each LV-perfusing outlet from the front and from behind."""
     outlets = read_case(case).lv_outlets
     wall, vessels = read_vtk(lv), read_tree(tree)
@@ -41,8 +46,8 @@ def territories(case: str, lv: str, tree: str, output: str) -> None:
     surface = wall.extract_surface(algorithm="dataset_surface")
     norm = Normalize(float(np.min(wall.cell_data["flow"])), float(np.max(wall.cell_data["flow"])))
     flow = {"scalars": "flow", "cmap": "viridis", "clim": (norm.vmin, norm.vmax)}
-    shares = {"scalars": "territory", "cmap": _shades(outlets), "clim": (-0.5, len(outlets) - 0.5)}
-    pictures = [rendered([(surface.copy(), flow), *_tubes(vessels, "#B22222")], FRONT)]
+    shares = {"scalars": "territory", "cmap": shades(outlets), "clim": (-0.5, len(outlets) - 0.5)}
+    pictures = [rendered([(surface.copy(), flow), *_tubes(vessels, "#444444")], FRONT)]
     shown = []
     for camera in (FRONT, BACK):
         facing = (ends - centres.mean(axis=0)) @ np.array(camera.view) > 0.5
@@ -59,30 +64,33 @@ def territories(case: str, lv: str, tree: str, output: str) -> None:
         _scale(figure, axes[0], norm, "viridis", "mL/min/g")
 
 
-def tree_by_ffr(case: str, tree: str, pressures: str, output: str) -> None:
-    """Draw the tree coloured by mean pressure over mean aortic pressure.
+def tree_by_ffr(case: str, tree: str, pressures: str, output: Output) -> None:
+    """Draw the coronary tree coloured by FFR, median over the posterior, with a dark edge at the limit.
 
-    pressures: table of vessel, position (0 to 1), ffr.
+    The aorta, which has no FFR, is a ghost. pressures: table of vessel, position (0 to 1), ffr.
     """
     vessels, table = read_tree(tree), read_csv(pressures, columns=("vessel", "position", "ffr"))
-    norm, items = Normalize(0.6, 1.0), []
+    norm = Normalize(*FFR_RANGE)
+    items: list[Item] = []
     for vessel in vessels:
         along = table[table["vessel"] == vessel.name].sort_values("position")
-        if along.empty:
-            continue
-        values = np.interp(vessel.arc / vessel.length, along["position"], along["ffr"])
-        look = {"scalars": "value", "cmap": "RdYlBu", "clim": (norm.vmin, norm.vmax)}
-        items.append((_tube(vessel.points, vessel.radii, values), look))
+        if vessel.branch == AORTA:
+            items.append((_tube(vessel.points, vessel.radii), GHOST))
+        elif not along.empty:
+            values = np.interp(vessel.arc / vessel.length, along["position"], along["ffr"])
+            look = {"scalars": "value", "cmap": FFR_COLOURS, "clim": FFR_RANGE}
+            items.append((_tube(vessel.points, vessel.radii, values), look))
+            items += [(_tube(*edge), {"color": DARK}) for edge in limit_edges(vessel, values)]
     names, marks = _stenoses(placed_stenoses(read_case(case).stenoses), vessels)
     pictures = [rendered(items, camera, marks) for camera in (FRONT, BACK)]
     with _row(output, pictures) as (figure, axes):
         for axis, picture, title in zip(axes, pictures, ("front view", "from behind and below"), strict=True):
-            _show(axis, picture, f"0D FFR at the posterior mean, {title}")
+            _show(axis, picture, title)
             _point_out(axis, picture, names)
-        _scale(figure, axes, norm, "RdYlBu", "FFR")
+        _scale(figure, axes, norm, ffr_map(), "FFR (0D, median)")
 
 
-def walls(fields: str, case: str, tree: str, output: str) -> None:
+def walls(fields: str, case: str, tree: str, output: Output) -> None:
     """Draw time-averaged wall shear stress and oscillatory shear index of the first 3D sample, by piece of the domain.
 
     fields: archive of a batch's fields. The stress has a logarithmic scale: in the throat it is a hundred times that in
@@ -92,8 +100,8 @@ def walls(fields: str, case: str, tree: str, output: str) -> None:
     vessels, stenoses = read_tree(tree), placed_stenoses(read_case(case).stenoses)
     pieces = [piece.extract_surface(algorithm="dataset_surface") for piece in wall.connectivity().split_bodies()]
     panels = (
-        ("TAWSS", "turbo", LogNorm(5.0, float(np.quantile(wall["TAWSS"], 0.999))), "TAWSS (dyn/cm²)"),
-        ("OSI", "YlOrRd", Normalize(0.0, 0.5), "OSI"),
+        ("TAWSS", "viridis", LogNorm(5.0, float(np.quantile(wall["TAWSS"], 0.999))), "TAWSS (dyn/cm²)"),
+        ("OSI", "magma_r", Normalize(0.0, 0.5), "OSI"),
     )
     marked = [_stenoses(_within(piece, stenoses, vessels), vessels) for piece in pieces]
     pictures = [
@@ -121,7 +129,7 @@ def _wall(piece: pv.PolyData, name: str, colours: str, norm: Normalize, marks: n
     return rendered([(shown, look)], FRONT, marks)
 
 
-def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, height: float = 1.0) -> None:
+def lumen(fields: str, case: str, tree: str, output: Output, reach: float = 1.6, height: float = 1.0) -> None:
     """Draw cycle means of speed and pressure of the first sample in a plane along each stenosis; flow from the left.
 
     The plane is the best fit to the centreline around the stenosis. reach: length shown on either side of the middle of
@@ -132,7 +140,7 @@ def lumen(fields: str, case: str, tree: str, output: str, reach: float = 1.6, he
     inside["mmHg"] = inside["mean_pressure"] / MMHG
     vessels, stenoses = read_tree(tree), placed_stenoses(read_case(case).stenoses)
     cuts = [_cut(inside, vessels[stenosis.vessel], stenosis, reach, height) for stenosis in stenoses]
-    panels = (("speed", "turbo", "mean speed (cm/s)"), ("mmHg", "viridis", "mean pressure (mmHg)"))
+    panels = (("speed", "magma", "mean speed (cm/s)"), ("mmHg", "viridis", "mean pressure (mmHg)"))
     with saved(
         output, nrows=len(cuts), ncols=2, figsize=(8.6, 1.15 * len(cuts) + 0.4), squeeze=False, layout="compressed"
     ) as (figure, axes):
@@ -185,7 +193,7 @@ def _within(piece: pv.PolyData, stenoses: list[Stenosis], tree: Tree) -> list[St
     return [s for s in stenoses if (places[s.name] > low).all() and (places[s.name] < high).all()]
 
 
-def _row(output: str, pictures: list[Rendering]):
+def _row(output: Output, pictures: list[Rendering]):
     """Open a figure with images side by side, of equal height."""
     widths = [picture.aspect for picture in pictures]
     size = (8.6, min(8.6 / (sum(widths) + 0.35) + 0.3, 6.0))
@@ -211,20 +219,34 @@ def _point_out(axis, picture: Rendering, names: list[str]) -> None:
         )  # fmt: skip
 
 
-def _scale(figure, axes, norm: Normalize, colours: str, label: str) -> None:
-    bar = figure.colorbar(ScalarMappable(norm, matplotlib.colormaps[colours]), ax=axes, shrink=0.8, aspect=24, pad=0.02)
+def _scale(figure, axes, norm: Normalize, colours: str | Colormap, label: str) -> None:
+    colour_map = colours if isinstance(colours, Colormap) else matplotlib.colormaps[colours]
+    bar = figure.colorbar(ScalarMappable(norm, colour_map), ax=axes, shrink=0.8, aspect=24, pad=0.02)
     bar.set_label(label)
     if isinstance(norm, LogNorm):
         bar.ax.yaxis.set_major_formatter("{x:g}")
     bar.outline.set_visible(False)
 
 
+def limit_edges(vessel: Vessel, values: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return centreline and radii of a short cuff wherever FFR (n,), at the vessel's points, crosses its limit."""
+    below = np.flatnonzero((values[:-1] > FFR_LIMIT) != (values[1:] > FFR_LIMIT))
+    share = (FFR_LIMIT - values[below]) / (values[below + 1] - values[below])
+    places = vessel.arc[below] + share * np.diff(vessel.arc)[below]
+    cuffs = []
+    for arc in places:
+        ends = np.clip([arc - CUFF, arc + CUFF], 0.0, vessel.length)
+        cuffs.append((vessel.position_at(ends), 1.12 * vessel.radius_at(ends)))
+    return cuffs
+
+
 def _tubes(tree: Tree, colour: str) -> list:
-    return [(_tube(vessel.points, vessel.radii), {"color": colour}) for vessel in tree]
+    looks = {AORTA: GHOST}
+    return [(_tube(vessel.points, vessel.radii), looks.get(vessel.branch, {"color": colour})) for vessel in tree]
 
 
 def _tube(points: np.ndarray, radii: np.ndarray, values: np.ndarray | None = None) -> pv.PolyData:
-    line = pv.lines_from_points(points)
+    line = pv.PolyData(points, lines=np.concatenate([[len(points)], np.arange(len(points))]))
     line["radius"] = radii
     if values is not None:
         line["value"] = values
@@ -239,7 +261,7 @@ def _stenoses(stenoses: list[Stenosis], tree: Tree) -> tuple[list[str], np.ndarr
     return [stenosis.name for stenosis in known], np.array(middles).reshape(-1, 3)
 
 
-def _shades(outlets: list[CaseOutlet]) -> list[str]:
+def shades(outlets: list[CaseOutlet]) -> list[str]:
     """Return a shade of its branch's colour for each outlet, such that neighbours differ."""
     shades: list[str] = []
     seen: dict[str, int] = {}

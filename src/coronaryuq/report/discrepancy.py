@@ -1,6 +1,5 @@
 """Results of searches for missing effects: a section of the report, and a separate page."""
 
-import base64
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
+from coronaryuq.report.embedding import data_url, in_code, in_script
 
 CAPTIONS = {
     "tree": "The arterial tree from left to right, coloured by the largest misfit after recalibration. "
@@ -40,13 +40,15 @@ SHOWN = 6
 
 def environment() -> Environment:
     """Return the environment of the templates in this folder."""
-    return Environment(
+    made = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    made.filters |= {"code": in_code, "in_script": in_script}
+    return made
 
 
 def write_page(
@@ -119,7 +121,7 @@ def _search(path: str, figures: list[str], truths: list[str]) -> dict:
             else _gaps(answer, read_json(truth_files["gap"]) if "gap" in truth_files else None)
         ),
         "figures": [
-            {"caption": CAPTIONS[Path(f).stem], "data": embedded(f)}
+            {"caption": CAPTIONS[Path(f).stem], "data": data_url(f)}
             for f in sorted(figures, key=lambda f: order[Path(f).stem])
         ],
     }
@@ -246,8 +248,3 @@ def _pair_gaps(answer: dict) -> dict:
         "gap_columns": list(columns.values()),
         "gaps": rows,
     }
-
-
-def embedded(path: str) -> str:
-    """Return a PNG file as a data URL."""
-    return "data:image/png;base64," + base64.b64encode(Path(path).read_bytes()).decode()

@@ -8,7 +8,8 @@ import yaml
 from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.discrepancy_benchmark import cell_label
-from coronaryuq.report.discrepancy import embedded, environment
+from coronaryuq.report.discrepancy import environment
+from coronaryuq.report.embedding import data_url
 
 CAPTION = (
     "Left: cases of the first network by hidden effect and first answer. Right: fractions on all networks, with 95 % "
@@ -33,7 +34,7 @@ def write_page(shares: str, cells: str, answers: str, figure: str, settings: dic
     table, answered = read_csv(cells), read_csv(answers)
     context = {
         "shares": [_share(row) for row in read_csv(shares).itertuples()],
-        "figure": embedded(figure),
+        "figure": data_url(figure),
         "caption": CAPTION,
         "networks": [
             {"name": name, "cells": [_cell(row, answered[answered["network"] == name]) for row in part.itertuples()]}

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 
 from coronaryuq.estimation.results import NUMERICAL, SOURCES, EstimatorReport
-from coronaryuq.report.numbers import number
 
 WORDS = {
     "runs_3d": "3D runs",
@@ -17,12 +16,16 @@ WORDS = {
 
 
 def error_budget(estimate: EstimatorReport) -> dict:
-    """Return the bar of an estimate: `parts` (name, class, percent of the variance), `std`, and `words`."""
+    """Return the bar of an estimate: `parts` (name, class, percent of the variance), `words`, and what is `missing`."""
     total = sum(estimate.variance.values())
     percent = {name: 100 * estimate.variance[name] / total for name in SOURCES if name in estimate.variance and total}
-    parts = [{"name": WORDS[name], "class": name, "percent": f"{part:.1f}"} for name, part in percent.items()]
+    parts = [
+        {"name": WORDS[name], "class": name, "percent": f"{part:.1f}", "rounded": f"{part:.0f}"}
+        for name, part in percent.items()
+    ]
     listed = ", ".join(f"{WORDS[name]} {part:.0f} %" for name, part in percent.items())
-    return {"parts": parts, "std": number(estimate.std, 2), "words": f"{listed}{_missing(estimate.variance)}"}
+    missing = _missing(estimate.variance)
+    return {"parts": parts, "words": f"{listed}{missing}", "missing": missing.removeprefix("; ")}
 
 
 def includes(estimates: Sequence[EstimatorReport]) -> str:

@@ -1,7 +1,8 @@
-"""The report of a campaign, `report.html`: one page with its figures, for a cardiologist and an engineer."""
+"""The report of a campaign, `report.html`: one page for a physician, an engineer and a statistician."""
 
 import json
 from collections.abc import Mapping, Sequence
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -12,42 +13,20 @@ from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.estimation.results import RowReport, read_estimates
+from coronaryuq.flow3d.mesh.description import MeshDescription, read_description
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.posterior.results import Summary, read_summary
-from coronaryuq.report import adoption, coarse_level, discrepancy, interval_targets, losses
+from coronaryuq.report import adoption, coarse_level, discrepancy, interval_targets, losses, methods, tree
+from coronaryuq.report.captions import alternatives
 from coronaryuq.report.costs import costs
-from coronaryuq.report.discrepancy import embedded
+from coronaryuq.report.embedding import data_url, figures_of_sections, unbroken
 from coronaryuq.report.error_budget import includes
+from coronaryuq.report.lesions import Lesion, lesion_card
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.numbers import number
-from coronaryuq.report.table import Notes, table_row
-from coronaryuq.report.vessels import vessel_card
-
-CAPTIONS = {
-    "intervals_wss": "Wall shear by estimator: averages over a part of the wall, then the paper's extremes, which have "
-    "settled on no mesh tried. Exclamation marks: estimates with a warning.",
-    "intervals_ffr": "FFR by estimator, with 0D FFR and with 0D mean flow as the low-fidelity output.",
-    "osi_scatter": "3D maximum OSI (an extreme, the paper's example) against 0D mean flow, at the same θ and at the "
-    "input paired with it in the shared space. Resampled values come from networks not trained on their sample.",
-    "convergence": "Correlation and mean against the number of 3D runs, for maximum OSI (an extreme, the paper's "
-    "example); each dot is a random subsample.",
-    "budget": "Variance against budget, and cost of a smaller variance.",
-    "cardiac_function": "The tuned loop at rest, compared with its targets.",
-    "marginals": "Posterior of each outlet's resistance as a multiple of its tuned value r̂: histogram, mean, "
-    "95 % interval.",
-    "flows": "Simulated outlet flows, compared with the perfusion targets and their noise.",
-    "flow_covariance": "Simulated flows of each pair of outlets; the ellipse contains 95 % of the targets' noise.",
-    "territories": "Myocardial blood flow and the perfusion territory of each outlet.",
-    "tree_ffr": "Mean pressure over mean aortic pressure along the tree, 0D, at the posterior mean.",
-    "walls": "Time-averaged wall shear stress and oscillatory shear index of the first 3D sample.",
-    "lumen": "Speed and pressure of the first 3D sample, averaged over a cycle, in a plane along each stenosis. Blood "
-    "flows from left to right; all panels share the colour scales.",
-}
-PLACES = {
-    "estimates": ("intervals_ffr", "intervals_wss", "budget", "osi_scatter", "convergence"),
-    "matched": ("cardiac_function", "flows", "marginals", "flow_covariance"),
-    "pictures": ("territories", "tree_ffr", "lumen", "walls"),
-}
+from coronaryuq.report.quantities import kind_of
+from coronaryuq.report.runs3d import quality
+from coronaryuq.report.table import Notes, table_lines
 
 
 def write_report(
@@ -57,17 +36,19 @@ def write_report(
     configuration: dict,
     out: str | Path,
     searches: tuple[Sequence[str], ...] = ((), ()),
+    records: Sequence[str] = (),
 ) -> None:
     """Write the report of a campaign.
 
     Parameters
     ----------
     files
-        Paths of `case`, `fit`, `summary`, `targets`, `failures`, `estimates`, `budget` and `mesh`; also `mesh_study` if
-        it was run, `losses_fit` and `losses` if 3D runs taught the 0D model, `adoption` if effects are adopted, and
-        `allocation` (of the last round) if the campaign grew.
+        Paths of `case`, `tree`, `pressures`, `fit`, `summary`, `targets`, `failures`, `estimates`, `table`, `budget`
+        and `mesh`; also `lv` where the patient has a perfusion map, `mesh_study` if it was run, `losses_fit` and
+        `losses` if 3D runs taught the 0D model, `adoption` if effects are adopted, and `allocation` (of the last round)
+        if the campaign grew.
     figures
-        PNG files, named as in `CAPTIONS`.
+        PNG and SVG files, named as in `captions.CAPTIONS`.
     costs_of_jobs
         One JSON file per job, see `report.costs.costs`.
     configuration
@@ -76,31 +57,42 @@ def write_report(
         The page, HTML.
     searches
         Answers, figures and true effects of searches for missing effects; see `report.discrepancy.write_page`.
+    records
+        Records of the 3D runs, one file per batch.
     """
     case, targets = read_case(files["case"]), read_perfusion_targets(files["targets"])
-    summary = read_summary(files["summary"])
+    summary, mesh_json = read_summary(files["summary"]), read_description(files["mesh"])
     failures, estimates = read_json(files["failures"]), read_estimates(files["estimates"])
     rows = estimates.rows
-    notes, mesh = Notes(), MeshError(files["mesh"], files.get("mesh_study"))
-    names = _outlet_names(case) | adoption.labels(files)
+    notes, mesh = Notes(_names(case, rows)), MeshError(files["mesh"], files.get("mesh_study"))
+    readings = tree.Readings.read(case, files["tree"], files["pressures"])
+    lowest = tree.lowest(readings)
+    counts = _counts(failures, rows, estimates.settings["curve_nodes"])
+    inputs = _input_names(case) | adoption.labels(files)
+    lesions = [Lesion(stenosis, inputs, mesh, _beyond(stenosis, mesh_json)) for stenosis in case.stenoses]
     context = {
         "case": case,
+        "date": f"{date.today():%d %B %Y}".lstrip("0"),
         "campaign": configuration["name"],
         "backend": configuration["backend"],
         "level": f"{100 * configuration['estimation']['level']:.0f} %",
         "includes": includes([row.recommended_report for row in rows]),
         "low_shear": f"{configuration['flow3d']['low_shear']:g}",
-        "counts": _counts(failures, rows, estimates.settings["curve_nodes"]),
-        "vessels": [vessel_card(stenosis.name, rows, names, mesh) for stenosis in case.stenoses],
-        "table": [table_row(row, notes) | {"mesh": mesh.of(row.column_3d)} for row in rows],
-        "notes": notes.texts,
+        "counts": counts,
+        "lesions": [lesion_card(lesion, rows) for lesion in lesions],
+        "lowest": lowest,
+        "scene": tree.scene(readings, case, mesh_json.planes, files.get("lv")),
+        "table": [line for row in rows for line in table_lines(row, rows, mesh.of(row.column_3d), notes)],
+        "notes": notes.groups,
         "coarse_level": coarse_level.sentence(estimates.rows, estimates.coarse),
         "interval_targets": interval_targets.sentences(rows, files["budget"], files.get("allocation")),
         "mesh": mesh.sentence,
-        "matched": _matched(read_csv(files["fit"]), summary),
+        "runs3d": quality(records, configuration["flow3d"]["tolerance"]),
+        "fit": _fit(read_csv(files["fit"]), summary),
+        "chains": _chains(summary, configuration["posterior"]),
         "losses": losses.learnt(files, [stenosis.name for stenosis in case.stenoses]),
         "noise": _noise(targets),
-        "figures": _figures(figures),
+        "figures": figures_of_sections(figures, alternatives(rows, lowest, summary, _names(case, rows))),
         "searches": (found := discrepancy.searches(*searches)),
         "searches_title": discrepancy.title(found),
         "adoption": adoption.adopted(files, invented=bool(found) and all(one["invented"] for one in found)),
@@ -108,14 +100,35 @@ def write_report(
         "costs": costs(costs_of_jobs),
         "provenance": _provenance(estimates.provenance, files),
         "configuration": yaml.safe_dump(configuration, sort_keys=False),
+        "methods": methods.paragraph(case, configuration, counts, summary, mesh_json.nodes, estimates.provenance),
+        "bibtex": f"{methods.REFERENCES}\n{methods.software(estimates.provenance)}",
+        "downloads": [
+            {"name": name, "data": data_url(files[key], "text/csv")}
+            for name, key in (("estimates.csv", "table"), ("pressures.csv", "pressures"), ("calibration.csv", "fit"))
+        ],
     }
-    write_text(out, discrepancy.environment().get_template("template.html").render(context))
+    write_text(out, unbroken(discrepancy.environment().get_template("template.html").render(context)))
 
 
-def _outlet_names(case: CaseSummary) -> dict[str, str]:
-    """Return the label of each input of the posterior."""
-    names = {outlet.bc: f"{outlet.label} ({outlet.name})" for outlet in case.outlets}
-    return names | {"R_cor_scaling": "total coronary resistance"}
+def _input_names(case: CaseSummary) -> dict[str, str]:
+    """Return the name of each input of the posterior in words."""
+    names = {outlet.bc: f"the resistance of the {outlet.label} bed" for outlet in case.outlets}
+    return names | {"R_cor_scaling": "the total coronary resistance"}
+
+
+def _names(case: CaseSummary, rows: list[RowReport]) -> dict[str, str]:
+    """Return what a reader calls the inputs and the 3D and 0D quantities."""
+    quantities = {f"ffr_{stenosis.name.lower()}": f"FFR {stenosis.name}" for stenosis in case.stenoses}
+    quantities |= {row.column_3d: f"{kind_of(row.column_3d).name} {row.label.split(', ')[-1]}" for row in rows}
+    return {outlet.bc: outlet.label for outlet in case.outlets} | quantities
+
+
+def _beyond(stenosis, mesh: MeshDescription) -> float | None:
+    """Return the distance (cm) from the end of a lesion to the plane at which its FFR is read; None without one."""
+    plane, region = mesh.planes.get(stenosis.name), mesh.regions.get(stenosis.name)
+    if plane is None or region is None or stenosis.end is None:
+        return None
+    return plane.distance_from_throat - (stenosis.end - region.throat)
 
 
 def _counts(failures: dict, rows: list[RowReport], curve_nodes: int) -> dict:
@@ -136,22 +149,33 @@ def _counts(failures: dict, rows: list[RowReport], curve_nodes: int) -> dict:
     }
 
 
-def _matched(fit, summary: Summary) -> dict:
+def _fit(fit, summary: Summary) -> dict:
     clinical = fit[fit["clinical"] & fit["tuned"]]
     off = (clinical["simulated"] / clinical["measured"] - 1).abs()
-    worst = clinical.loc[off.idxmax(), "description"].lower()
+    worst = clinical.loc[off.idxmax(), "description"]
+    worst = worst[:1].lower() + worst[1:]
     check, met = summary.predictive, summary.fit.largest_fraction_error
     return {
         "calibration": f"The tuned loop reproduces the {len(clinical)} measured targets to within "
         f"{100 * off.max():.1f} % (largest difference: {worst}).",
-        "posterior": f"Chains: {summary.verdict}; largest R-hat {summary.rhat_max:.3f}, smallest bulk effective "
-        f"sample size {summary.ess_bulk_min:.0f}, from {summary.model_runs} 0D runs: {summary.effective_per_run:.2f} "
-        f"effective samples per run. {_steps(summary)}",
         "predictive": f"{100 * check.coverage_95:.0f} % of the target flows lie in the central 95 % of the posterior "
         f"predictive distribution; the Mahalanobis distance of the mean flows is {check.mahalanobis:.2f} (p = "
         f"{check.p_value:.2f}). The fitted resistances reproduce the "
         f"{len(check.flow_mean)} target fractions to within {100 * met:.2g} %; the posterior mean, which the prior "
         f"shifts, to within {100 * check.largest_fraction_error:.2g} % (posterior/fractions.csv).",
+    }
+
+
+def _chains(summary: Summary, settings: Mapping) -> dict:
+    """Return the verdict on the chains, with each limit beside its number, and how they were made."""
+    rhat, ess = settings["rhat_limit"], settings["ess_limit"]
+    verdict = "converged" if summary.converged else "not converged"
+    return {
+        "verdict": f"{verdict}: R-hat {summary.rhat_max:.3f}, limit {rhat:g}; smallest bulk effective sample size "
+        f"{summary.ess_bulk_min:.0f}, limit {ess:.0f}",
+        "class": "good" if summary.converged else "bad",
+        "cost": f"{summary.chains} chains, {summary.model_runs} 0D runs, {summary.effective_per_run:.2f} effective "
+        f"samples per run. {_steps(summary)}",
     }
 
 
@@ -182,16 +206,6 @@ def _noise(targets: PerfusionTargets) -> list[dict]:
             }
         )
     return lines
-
-
-def _figures(paths: Sequence[str]) -> dict:
-    by_name = {Path(path).stem: path for path in paths}
-    return {
-        place: [
-            {"caption": CAPTIONS[name], "data": embedded(by_name[name])} for name in names if name in by_name
-        ]
-        for place, names in PLACES.items()
-    }  # fmt: skip
 
 
 def _failed(failures: dict) -> list[dict]:

@@ -1,4 +1,4 @@
-"""Mean pressure along every vessel of the tree at one θ, for figures: the reading of a pressure wire."""
+"""Mean pressure and flow along every vessel of the tree, over the posterior: the readings of a pressure wire."""
 
 from pathlib import Path
 
@@ -8,49 +8,51 @@ import pandas as pd
 from coronaryuq.case.anatomy.tree import placed_stenoses, read_tree
 from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network.build import segments
+from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv, write_csv
+from coronaryuq.core.records import OK
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
-from coronaryuq.zerod.theta import Theta
+from coronaryuq.zerod.theta import read_theta, theta_changes
+
+STATES = 200
+"""Samples of the posterior that are run, or as many as there are."""
+SHARES = {"_low": 0.05, "": 0.5, "_high": 0.95}
+"""Quantiles by the ending of their columns."""
 
 
 def write_map(
-    network_json: str | Path, case_json: str | Path, tree_vtp: str | Path, draws_csv: str | Path, out_csv: str | Path
+    network_json: str | Path, case_json: str | Path, tree_vtp: str | Path, samples_csv: str | Path, out_csv: str | Path
 ) -> None:
-    """Run the loop at the posterior mean, with s = 1, and write the mean pressure along the tree.
+    """Run the first samples of the propagation set and write quantiles of pressure and flow along the tree.
 
-    Columns: vessel (of the tree), position (0 at its start, 1 at its end), pressure (dyn/cm2), ffr (mean pressure over
-    mean aortic pressure), flow (mL/s). One row per end of every 0D segment.
+    Columns: vessel (of the tree), position (0 at its start, 1 at its end), then median, 5 and 95 % quantiles (endings
+    `_low`, `_high`) of pressure (mean, dyn/cm2), ffr (mean pressure over mean aortic pressure) and flow (mean, mL/s).
+    One row per end of every 0D segment.
     """
-    network, case, tree = (
-        read_network(network_json),
-        read_case(case_json),
-        read_tree(tree_vtp),
-    )
-    draws = read_csv(draws_csv)
-    inputs = Theta(network, network_json)
-    theta = {name: np.array([draws[name].mean()]) for name in inputs.columns if name in draws.columns}
+    network, case, tree = read_network(network_json), read_case(case_json), read_tree(tree_vtp)
+    theta = read_theta(samples_csv, 0, min(STATES, len(read_csv(samples_csv))), network, network_json)
+    inputs = {name: theta[name].to_numpy() for name in theta.columns if name != "sample"}
     parts = segments(tree, placed_stenoses(case.stenoses))
     engine = Engine(network)
     ends = _ends(engine.unknowns)
     aorta = f"mean_pressure:{case.aorta.pressure}"
     wanted = {place for part in parts for place in ends.get(part.name, ())}
     quantities = [f"mean_{kind}:{place}" for place in sorted(wanted) for kind in ("pressure", "flow")]
-    result = engine.run_cycles(inputs.changes(theta), [aorta, *quantities])
-    value = {name: float(values[0]) for name, values in result.values.items()}
+    result = engine.run_cycles(theta_changes(network, inputs), [aorta, *quantities])
+    ok = result.status == OK
+    if not ok.any():
+        raise InputError(samples_csv, None, None, f"no 0D run of its first {len(ok)} samples succeeded")
+    value = {name: values[ok] for name, values in result.values.items()}
     rows = []
     for part in parts:
         for place, arc in zip(ends.get(part.name, ()), (part.start, part.end), strict=False):
-            pressure = value[f"mean_pressure:{place}"]
-            rows.append(
-                {
-                    "vessel": part.vessel,
-                    "position": arc / tree[part.vessel].length,
-                    "pressure": pressure,
-                    "ffr": pressure / value[aorta],
-                    "flow": value[f"mean_flow:{place}"],
-                }
-            )
+            pressure, flow = value[f"mean_pressure:{place}"], value[f"mean_flow:{place}"]
+            readings = {"pressure": pressure, "ffr": pressure / value[aorta], "flow": flow}
+            row = {"vessel": part.vessel, "position": arc / tree[part.vessel].length}
+            for name, values in readings.items():
+                row |= {f"{name}{ending}": np.quantile(values, share) for ending, share in SHARES.items()}
+            rows.append(row)
     write_csv(out_csv, pd.DataFrame(rows))
 
 

@@ -19,4 +19,4 @@ def table(data: str | None, settings: Settings, seed: int, table_csv: str, out_d
 def convergence(data: str | None, settings: Settings, seed: int, out_json: str) -> None:
     """Write the convergence study of the published runs."""
     folder, rows = published(data)
-    stage.convergence(folder, settings, seed, out_json, rows)
+    stage.convergence(folder, settings, seed, out_json, rows, shown="max OSI")

@@ -6,8 +6,9 @@ from coronaryuq.report.page import write_report as write_page
 
 
 def write_report(
-    figures: Sequence[str], answers: Sequence[str], drawn: Sequence[str], truths: Sequence[str], costs: Sequence[str],
-    configuration: dict, report: str, **files: str,
+    figures: Sequence[str], drawings: Sequence[str], answers: Sequence[str], drawn: Sequence[str],
+    truths: Sequence[str], costs: Sequence[str], records: Sequence[str], configuration: dict, report: str, **files: str,
 ) -> None:  # fmt: skip
     """Write the report from result files, figures, searches and the cost of every job."""
-    write_page(files, figures, costs, configuration, report, (answers, drawn, truths))
+    pictures = [*figures, *drawings]
+    write_page(files, pictures, costs, configuration, report, (answers, drawn, truths), records)

@@ -249,4 +249,4 @@ def rare(n: int, share: float) -> str | None:
     beyond = n * min(share, 1 - share)
     if beyond >= TAIL_RUNS - 1e-9:
         return None
-    return f"only about {beyond:.3g} of {n} runs lie beyond it; coverage is not tested below {TAIL_RUNS}"
+    return f"rests on about {beyond:.2g} of {n} runs; its coverage is untested below {TAIL_RUNS}"

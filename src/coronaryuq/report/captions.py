@@ -1,0 +1,179 @@
+"""Captions of the figures: what to see, what is good, what is bad, and what to do then."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from coronaryuq.estimation.results import RowReport
+from coronaryuq.posterior.results import Summary
+from coronaryuq.report.quantities import FFR, Digits, kind_of
+
+
+@dataclass(frozen=True)
+class Caption:
+    """Caption of a figure. good, bad: how it looks when all is well or not; then: what to do about the latter."""
+
+    title: str
+    see: str
+    good: str = ""
+    bad: str = ""
+    then: str = ""
+
+
+CAPTIONS = {
+    "tree_ffr": Caption(
+        "FFR along the tree",
+        "Mean pressure over mean aortic pressure by the 0D model, median over the posterior. The dark edge is 0.80.",
+        "The edge lies beyond every vessel that matters.",
+        "Darker colours upstream of large branches.",
+        "Read the probabilities in the summary: the edge shows a median only.",
+    ),
+    "lumen": Caption(
+        "Flow through the lesions",
+        "Mean speed and pressure over a cycle of the first 3D sample, in a plane along each lesion; blood flows from "
+        "left to right, all panels share their scales.",
+        "A smooth jet that widens within some diameters.",
+        "Speckles, or a jet one element wide.",
+        "Refine the mesh (`mesh.jet_resolution`).",
+    ),
+    "walls": Caption(
+        "Wall shear",
+        "Time-averaged wall shear stress (TAWSS) and oscillatory shear index (OSI) of the first 3D sample, on common "
+        "scales.",
+        "High TAWSS in the throat, low TAWSS with high OSI only behind it.",
+        "Patches as small as single elements.",
+        "Compare averages over patches, not extremes.",
+    ),
+    "territories": Caption(
+        "Perfusion map and territories",
+        "Myocardial blood flow, and the territory assigned to each outlet.",
+        "Territories follow the arteries over the wall.",
+        "A territory far from its artery, or a region of low flow cut by a border.",
+        "Check registration of tree and perfusion map, then the outlets' names.",
+    ),
+    "cardiac_function": Caption(
+        "Tuned circulation",
+        "Difference of the tuned model from each target, at rest unless the target's name says otherwise; numbers: "
+        "target → model. The band is ± 5 %.",
+        "Measured targets inside the band.",
+        "A measured target outside it.",
+        "Check the value and its unit in the case, then allow more rounds (`calibration.rounds`).",
+    ),
+    "flows": Caption(
+        "Outlet flows in hyperaemia",
+        "Simulated flow of each outlet over the posterior (thick 50 %, thin 95 %) on the target with 95 % of its noise "
+        "(grey).",
+        "Coloured ranges within the grey ones, centred near the tick.",
+        "A median outside the grey range.",
+        "Look for a missing effect, or a wrong territory.",
+    ),
+    "marginals": Caption(
+        "Posterior against prior",
+        "Resistance of each outlet over its tuned value r̂: posterior (thick 50 %, thin 95 %) on the prior (grey).",
+        "Ranges narrower than the prior: the data say something about the outlet.",
+        "A range that ends where the prior ends.",
+        "Widen the prior (`posterior.prior`), or check the target of that outlet.",
+    ),
+    "flow_correlation": Caption(
+        "Correlation of the outlet flows",
+        "Below the diagonal: simulated flows over the posterior; above: noise of the targets.",
+        "Both halves alike where data dominate; negative values between neighbours come from the conserved total.",
+        "Strong correlation below that is absent above.",
+        "Two outlets are exchangeable for the data: judge their sum, not each.",
+    ),
+    "chains": Caption(
+        "Chains: ranks",
+        "Distribution of each chain's ranks among all draws, less that of a perfect chain; one line per chain and "
+        "outlet. Grey: where 95 % of perfect chains stay entirely, without correlation between draws.",
+        "Lines that stay in or near the grey band.",
+        "A line that leaves it widely, on one side.",
+        "Run longer chains (`posterior.dream.generations`).",
+    ),
+    "intervals_ffr": Caption(
+        "FFR by estimator",
+        "Mean of FFR by every estimator that the runs allow: thick calibrated 95 %, thin Chebyshev 95 %. Dashed: 0.80.",
+        "Intervals overlap.",
+        "Two estimators that exclude each other, or an exclamation mark, a warning in the table.",
+        "Read the warning; more 3D runs settle most of them.",
+    ),
+    "intervals_wss": Caption(
+        "Wall shear by estimator",
+        "As the figure of FFR, for averages over a part of the wall, then the paper's extremes, which have settled on "
+        "no mesh tried.",
+        "Intervals overlap.",
+        "Extremes far from the averages.",
+        "Use averages for any decision.",
+    ),
+    "scatter": Caption(
+        "3D against 0D FFR",
+        "Each dot is a 3D run: FFR by 3D against 0D at the same input, and at the input paired with it in the shared "
+        "space (networks not trained on the run). Dashed: 0.80.",
+        "Dots along a line (ρ near 1): the cheap model carries the expensive one.",
+        "A cloud, or single dots far off.",
+        "Check that run's convergence; learn losses from 3D (`losses.runs_3d`).",
+    ),
+    "convergence": Caption(
+        "Convergence with 3D runs",
+        "Correlation of the control variates and mean of FFR from random subsamples, a dot each. Dashed: 0.80.",
+        "Scatter that shrinks, means that do not drift.",
+        "Means that drift with the number of runs.",
+        "Add 3D runs (`samples.n_3d`).",
+    ),
+    "budget": Caption(
+        "Variance against budget",
+        "Left: variance of the mean of FFR that a budget would reach; right: cost of a smaller variance.",
+        "The curve of the recommended estimator lies lowest.",
+        "All curves flat: the propagation sample or the chains limit the error.",
+        "Make these longer before adding 3D runs.",
+    ),
+}  # fmt: skip
+"""By the figure's name, in the order of the page."""
+SECTIONS = {
+    "pictures": ("tree_ffr", "lumen", "walls", "territories"),
+    "fit": ("cardiac_function", "flows"),
+    "chains": ("marginals", "chains", "flow_correlation"),
+    "estimates": ("intervals_ffr", "intervals_wss", "scatter", "budget", "convergence"),
+}
+"""Figures of each section of the page."""
+
+
+def alternatives(
+    rows: Sequence[RowReport], lowest: Mapping[str, str], summary: Summary, names: Mapping[str, str]
+) -> dict[str, str]:
+    """Return what the data of some figures say, for readers who do not see them.
+
+    Parameters
+    ----------
+    rows
+        Rows of `estimates.json`.
+    lowest
+        Lowest FFR of the tree.
+    summary
+        `posterior/summary.json`.
+    names
+        What a reader calls the inputs.
+    """
+    ffr = [row for row in rows if row.column_3d.startswith(FFR)]
+    shear = [row for row in rows if not row.column_3d.startswith(FFR)]
+    medians = [f"{names.get(name, name)} {one.median:.2f}" for name, one in summary.multipliers.items()]
+    texts = {
+        "intervals_ffr": f"Mean of FFR by estimator: {_quoted(ffr, rows)}.",
+        "intervals_wss": f"Means of wall shear: {_quoted(shear, rows)}.",
+        "marginals": f"Median resistance over its tuned value: {', '.join(medians)}.",
+        "chains": f"Ranks of {summary.chains} chains; largest R-hat {summary.rhat_max:.3f}, of "
+        f"{names.get(summary.worst_parameter, summary.worst_parameter)}.",
+        "flows": f"{100 * summary.predictive.coverage_95:.0f} % of the target flows lie within the central 95 % of the "
+        "simulated ones.",
+    }
+    if lowest:
+        texts["tree_ffr"] = f"FFR along the tree: lowest {lowest['ffr']}, {lowest['where']}."
+    return texts
+
+
+def _quoted(rows: Sequence[RowReport], every: Sequence[RowReport]) -> str:
+    """Return the recommended estimate of each row in words."""
+    words = []
+    for row in rows:
+        digits, (_, paired, branch) = Digits(row.column_3d, every), (row.label.split(", ") + ["", ""])[:3]
+        value = row.recommended_report
+        words.append(f"{kind_of(row.column_3d).heading} {branch} with 0D {paired} {digits(value.mean)}")
+    return ", ".join(words)

@@ -1,0 +1,211 @@
+"""The card of one lesion: what it means, FFR over the posterior, where it is read, what would change the conclusion."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from coronaryuq.case.case_json import CaseStenosis
+from coronaryuq.estimation.results import Probability, RowReport, Value
+from coronaryuq.figures.style import colour
+from coronaryuq.report.error_budget import error_budget
+from coronaryuq.report.improve import improve_first, numerical_share
+from coronaryuq.report.mesh_error import MeshError
+from coronaryuq.report.quantities import FFR, FFR_DECIMALS, KINDS, Digits, constant
+
+LIKELY = 0.9
+"""Probability, over its whole interval, above which the page states a verdict."""
+ADVISED_MM = (10, 20)
+"""Distance beyond a lesion at which experts advise to read FFR from CT."""
+SCALE = (0.5, 1.0)
+"""Ends of the scale of FFR, unless a value lies below."""
+
+
+@dataclass(frozen=True)
+class Lesion:
+    """What the page knows of a stenosis besides its estimates.
+
+    inputs: name of each input of the posterior. reading: distance (cm) beyond the lesion at which 3D FFR is read, None
+    where there is no such plane.
+    """
+
+    stenosis: CaseStenosis
+    inputs: Mapping[str, str]
+    mesh: MeshError
+    reading: float | None = None
+
+
+def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
+    """Return the contents of the card of one stenosis.
+
+    Parameters
+    ----------
+    lesion
+        The stenosis.
+    rows
+        Rows of `estimates.json`.
+    """
+    name = lesion.stenosis.name
+    branch = name.lower()
+    ffr_row = recommended_row(rows, f"{FFR}{branch}")
+    beyond, digits = ffr_row.beyond_the_mean, Digits(ffr_row.column_3d, rows)
+    zones, quantiles = beyond.zones or [], beyond.quantiles or {}
+    patient, verdict = _patient(quantiles), _verdict(name, zones)
+    estimate = ffr_row.recommended_report
+    return {
+        "name": name,
+        "colour": colour(lesion.stenosis.artery),
+        "patient": patient,
+        "rare": _rare(quantiles),
+        "zones": [_probability(zone) for zone in zones],
+        "limit": _limit(zones),
+        **verdict,
+        "sentence": _sentence(verdict["verdict"], patient, zones),
+        "reading": _reading(lesion.reading),
+        "change": _what_would_change(lesion, ffr_row, patient, zones),
+        "mean": quantity_cell(ffr_row, rows, lesion.mesh),
+        "budget": error_budget(estimate) | {"std": digits.error(estimate.std)},
+        "spread": digits(float(np.sqrt(ffr_row.variance_3d))),
+        "drivers": _drivers(beyond.shapley or {}, lesion.inputs),
+        "quantities": _cells(rows, branch, lesion.mesh, extreme=False),
+        "extremes": _cells(rows, branch, lesion.mesh, extreme=True),
+    }
+
+
+def recommended_row(rows: Sequence[RowReport], column: str) -> RowReport:
+    """Return the row of a 3D column whose recommended estimator has the smallest standard error."""
+    return min((row for row in rows if row.column_3d == column), key=lambda row: row.recommended_report.std)
+
+
+def quantity_cell(row: RowReport, rows: Sequence[RowReport], mesh: MeshError) -> dict:
+    """Return mean and interval of a quantity; no interval for one that is the same in all runs."""
+    estimate, digits = row.recommended_report, Digits(row.column_3d, rows)
+    cell = {
+        "row": row.row, "heading": digits.kind.heading, "value": digits(estimate.mean), "raw": estimate.mean,
+        "mesh": mesh.of(row.column_3d), "level": f"{100 * estimate.calibrated.level:.0f} % interval",
+    }  # fmt: skip
+    if constant(row):
+        return cell | {
+            "value": f"{estimate.mean * digits.kind.scale:g}",
+            "range": f"in all {estimate.n_3d} runs",
+            "low": "",
+            "high": "",
+        }
+    low, high = digits(estimate.calibrated.low), digits(estimate.calibrated.high)
+    return cell | {"range": f"{low} to {high}", "low": low, "high": high}
+
+
+def _cells(rows: Sequence[RowReport], branch: str, mesh: MeshError, extreme: bool) -> list[dict]:
+    """Return a cell for each quantity of a branch that was estimated, averages or extremes."""
+    columns = [f"{prefix}{branch}" for prefix, kind in KINDS.items() if kind.extreme == extreme]
+    estimated = {row.column_3d for row in rows}
+    return [quantity_cell(recommended_row(rows, column), rows, mesh) for column in columns if column in estimated]
+
+
+def _patient(quantiles: Mapping[str, Value]) -> dict:
+    """Return median, quartiles and outermost quantiles of FFR over the posterior; empty without them."""
+    if not {"0.05", "0.50", "0.95"} <= set(quantiles):
+        return {}
+    value = {share: quantiles[share].value for share in quantiles}
+    low, median, high = (f"{value[share]:.2f}" for share in ("0.05", "0.50", "0.95"))
+    inner = [value.get("0.25", value["0.50"]), value.get("0.75", value["0.50"])]
+    scale = [min(SCALE[0], np.floor(10 * value["0.05"]) / 10), SCALE[1]]
+    return {
+        "low": low, "median": median, "high": high, "values": [value["0.05"], *inner, value["0.95"]],
+        "middle": value["0.50"], "scale": scale,
+    }  # fmt: skip
+
+
+def _rare(quantiles: Mapping[str, Value]) -> str:
+    """Return the warning of the outermost quantiles of FFR over the posterior that rest on few runs."""
+    warned = [end for end in sorted(quantiles, key=float) if quantiles[end].warning]
+    if not warned:
+        return ""
+    warning = quantiles[warned[0]].warning
+    alike = [f"{100 * float(end):.0f} %" for end in warned if quantiles[end].warning == warning]
+    if len(alike) == 1:
+        return f"The {alike[0]} quantile {warning}."
+    return f"{', '.join(alike[:-1])} and {alike[-1]} quantiles: each {warning}."
+
+
+def _drivers(effects: Mapping[str, Value], inputs: Mapping[str, str], shown: int = 3) -> list[dict]:
+    """Return the inputs with the largest Shapley effects on FFR that differ from zero."""
+    significant = [(name, effect) for name, effect in effects.items() if effect.low > 0]
+    largest = sorted(significant, key=lambda pair: -pair[1].value)[:shown]
+    return [{"name": inputs.get(name, name), "share": f"{100 * effect.value:.0f} %"} for name, effect in largest]
+
+
+def _probability(probability: Probability) -> dict:
+    share = {name: 100 * min(max(getattr(probability, name), 0.0), 1.0) for name in ("value", "low", "high")}
+    decimals = 1 if share["high"] - share["low"] < 2 else 0
+    words = {name: f"{value:.{decimals}f} %" for name, value in share.items()}
+    return {"zone": probability.zone, "percent": round(share["value"], 2), **words}
+
+
+def _limit(zones: Sequence[Probability]) -> float | None:
+    return zones[-1].above if zones else None
+
+
+def _verdict(name: str, zones: Sequence[Probability]) -> dict:
+    below = zones[-1].complement if zones else None
+    if below is None:
+        return {"class": "muted", "verdict": f"FFR of the {name} stenosis", "badge": ""}
+    if below.low > LIKELY:
+        verdict = f"The {name} stenosis very likely limits blood flow"
+        return {"class": "bad", "badge": "very likely flow-limiting", "verdict": verdict}
+    if below.high < 1 - LIKELY:
+        verdict = f"The {name} stenosis very likely does not limit blood flow"
+        return {"class": "good", "badge": "very likely not flow-limiting", "verdict": verdict}
+    return {"class": "warn", "badge": "open", "verdict": f"Whether the {name} stenosis limits blood flow remains open"}
+
+
+def _sentence(verdict: str, patient: dict, zones: Sequence[Probability]) -> str:
+    """Return the conclusion in one sentence of plain words."""
+    if not patient:
+        return f"{verdict}: no distribution over the patient's possible states was estimated."
+    ffr = (
+        f"FFR is {patient['median']}, and {patient['low']} to {patient['high']} in 90 % of the states that fit the data"
+    )
+    chance = f"; the probability of {_limit(zones):.2f} or less is {_below(zones)}" if zones else ""
+    return f"{verdict}: {ffr}{chance}."
+
+
+def _below(zones: Sequence[Probability]) -> str:
+    return _probability(zones[-1].complement)["value"]
+
+
+def _reading(distance: float | None) -> dict:
+    """Return where FFR is read, and whether that is where experts advise to."""
+    if distance is None:
+        return {"words": "", "advised": True}
+    mm = round(10 * distance)
+    advised = ADVISED_MM[0] <= mm <= ADVISED_MM[1]
+    return {"words": f"{mm} mm beyond the lesion", "advised": advised, "advice": "{} to {} mm".format(*ADVISED_MM)}
+
+
+def _what_would_change(lesion: Lesion, row: RowReport, patient: dict, zones: Sequence[Probability]) -> list[str]:
+    """Return what could move the conclusion, the most important first."""
+    limit = _limit(zones)
+    if not patient or limit is None:
+        return []
+    estimate = row.recommended_report
+    distance, numerical = patient["middle"] - limit, estimate.calibrated.half_width
+    side, drawn = ("lower", "wide") if distance > 0 else ("higher", "narrow")
+    lines = [
+        f"If FFR were {side} by {abs(distance):.2f} or more in every state, for instance because the lumen was drawn "
+        f"too {drawn}, the median would cross {limit:.2f}."
+    ]
+    beyond = row.beyond_the_mean
+    if improve := improve_first(beyond.by_source or {}, numerical_share(estimate, row.variance_3d)):
+        lines.append(improve)
+    else:
+        for driver in _drivers(beyond.shapley or {}, lesion.inputs, shown=1):
+            lines.append(f"Knowing {driver['name']} would narrow the range most: {driver['share']} of its variance.")
+    small = numerical < abs(distance)
+    missing = error_budget(estimate)["missing"]
+    lines.append(
+        f"More simulations {'would not' if small else 'could'}: the numerical error of the mean is "
+        f"± {numerical:.{FFR_DECIMALS}f}{'' if small else ', more than that distance'}"
+        f"{f' ({missing})' if missing else ''}."
+    )
+    return lines

@@ -1,0 +1,138 @@
+"""The card of a lesion follows from the intervals of its estimates."""
+
+from dataclasses import replace
+
+import pytest
+
+from coronaryuq.case.case_json import CaseStenosis
+from coronaryuq.core.io.atomic import write_json
+from coronaryuq.estimation.estimators.tails import rare
+from coronaryuq.estimation.results import BeyondTheMean, Interval, Probability
+from coronaryuq.report.lesions import Lesion, lesion_card
+from coronaryuq.report.mesh_error import MeshError
+from support.estimates import estimator, row, value
+
+COLUMNS = dict.fromkeys(("ffr", "tawss_min", "osi_max"), estimator())
+STENOSIS = CaseStenosis(
+    name="LAD", artery="LAD", vessel="v", segment="v", proximal=None, distal=None, area_ratio=0.3, start=0.0, end=1.0, ffr="v:J",
+    flow="J:v", root="J:v", outlet="BC_b",
+)  # fmt: skip
+
+
+@pytest.fixture
+def card(tmp_path):
+    """Return the card of a stenosis with given estimates beyond the mean of FFR."""
+    write_json(tmp_path / "mesh.json", {"nodes": 8000, "settings": {"throat_resolution": 3.0}})
+
+    def make(columns=COLUMNS, reading=None, **beyond):
+        rows = [
+            row(column_3d=f"{quantity}_lad", beyond_the_mean=BeyondTheMean(**beyond), estimators={"MC": estimate})
+            for quantity, estimate in columns.items()
+        ]
+        mesh = MeshError(tmp_path / "mesh.json", None)
+        return lesion_card(Lesion(STENOSIS, {"BC_b": "the resistance of the D1 bed"}, mesh, reading), rows)
+
+    return make
+
+
+def zones(middle, low, high):
+    """Return zones of which those at or below 0.80 have a given probability together."""
+    lower, upper = (
+        Probability(middle / 2, 0.01, low / 2, high / 2, 0.95),
+        Probability(1 - middle, 0.01, 1 - high, 1 - low, 0.95),
+    )
+    return [replace(lower, at_most=0.75), replace(lower, above=0.75, at_most=0.8), replace(upper, above=0.8)]
+
+
+def quantiles(low, median, high):
+    return {
+        "0.05": value(low),
+        "0.25": value(median),
+        "0.50": value(median),
+        "0.75": value(median),
+        "0.95": value(high),
+    }
+
+
+@pytest.mark.parametrize(("low", "high", "kind"), [(0.92, 0.97, "bad"), (0.01, 0.06, "good"), (0.42, 0.47, "warn")])
+def test_the_verdict_depends_on_the_whole_interval_of_what_lies_below_the_highest_limit(card, low, high, kind):
+    assert card(zones=zones((low + high) / 2, low, high))["class"] == kind
+
+
+def test_the_conclusion_is_one_sentence_with_the_patients_range_and_the_probability(card):
+    told = card(zones=zones(0.93, 0.92, 0.94), quantiles=quantiles(0.66, 0.714, 0.81))["sentence"]
+    assert told == (
+        "The LAD stenosis very likely limits blood flow: FFR is 0.71, and 0.66 to 0.81 in 90 % of the states that fit "
+        "the data; the probability of 0.80 or less is 93 %."
+    )
+
+
+def test_every_zone_is_shown_and_a_narrow_interval_gets_a_decimal(card):
+    narrow, wide = card(zones=zones(0.031, 0.027, 0.035))["zones"], card(zones=zones(0.02, -0.01, 0.11))["zones"]
+    assert [zone["zone"] for zone in narrow] == ["FFR ≤ 0.75", "0.75 < FFR ≤ 0.80", "FFR > 0.80"]
+    shown = {"zone": "FFR > 0.80", "percent": 96.9, "value": "96.9 %", "low": "96.5 %", "high": "97.3 %"}
+    assert narrow[2] == shown
+    assert wide[2] == {"zone": "FFR > 0.80", "percent": 98.0, "value": "98 %", "low": "89 %", "high": "100 %"}
+    assert sum(zone["percent"] for zone in narrow) == pytest.approx(100, abs=0.02)
+
+
+def test_only_inputs_whose_effect_differs_from_zero_are_named_as_drivers(card):
+    effects = {"BC_a": value(0.2, 0.1, 0.3), "BC_b": value(0.5, 0.4, 0.6), "BC_c": value(0.3, 0.0, 0.6)}
+    drivers = card(shapley=effects)["drivers"]
+    assert [tuple(driver.values()) for driver in drivers] == [
+        ("the resistance of the D1 bed", "50 %"),
+        ("BC_a", "20 %"),
+    ]
+
+
+def test_quantiles_that_rest_on_few_runs_carry_a_warning(card):
+    few = rare(104, 0.05)
+    both = {end: value(0.8, warning=few) for end in ("0.95", "0.05")}
+    told = "5 % and 95 % quantiles: each rests on about 5.2 of 104 runs; its coverage is untested below 10."
+    assert card(quantiles=both | {"0.50": value(0.8)})["rare"] == told
+    assert card(quantiles={"0.05": value(0.7, warning=few)})["rare"].startswith(
+        "The 5 % quantile rests on about 5.2 of"
+    )
+    assert card(quantiles={"0.50": value(0.8)})["rare"] == ""
+
+
+def test_the_patient_has_the_median_and_the_90_percent_range_over_draws(card):
+    patient = card(quantiles=quantiles(0.71, 0.8, 0.88))["patient"]
+    assert (patient["low"], patient["median"], patient["high"]) == ("0.71", "0.80", "0.88")
+    assert patient["scale"] == [0.5, 1.0]
+    assert card(quantiles=quantiles(0.34, 0.5, 0.6))["patient"]["scale"][0] == pytest.approx(0.3)
+    assert card()["patient"] == {}
+
+
+@pytest.mark.parametrize(("half_width", "word"), [(0.004, "would not"), (0.06, "could")])
+def test_more_simulations_matter_if_their_error_reaches_the_limit(card, half_width, word):
+    ffr = estimator(mean=0.85, calibrated=Interval(0.85 - half_width, 0.85 + half_width, 0.95))
+    told = card({"ffr": ffr}, zones=zones(0.1, 0.08, 0.12), quantiles=quantiles(0.79, 0.85, 0.9))["change"]
+    assert told[0].startswith("If FFR were lower by 0.05 or more in every state") and "drawn too wide" in told[0]
+    assert told[-1].startswith(f"More simulations {word}: ")
+    below = card({"ffr": ffr}, zones=zones(0.9, 0.85, 0.95), quantiles=quantiles(0.6, 0.7, 0.82))["change"]
+    assert below[0].startswith("If FFR were higher by 0.10") and "too narrow" in below[0]
+    assert card({"ffr": ffr})["change"] == []
+
+
+def test_where_ffr_is_read_is_compared_with_what_experts_advise(card):
+    assert card(reading=0.71)["reading"] == {
+        "words": "7 mm beyond the lesion",
+        "advised": False,
+        "advice": "10 to 20 mm",
+    }
+    assert card(reading=1.5)["reading"]["advised"]
+    assert card()["reading"]["words"] == ""
+
+
+def test_extremes_come_after_averages_and_a_value_in_all_runs_has_no_interval(card):
+    shear = {"tawss_patch_min": estimator(), "low_shear_area": estimator(mean=0.0, std=0.0, n_3d=16)}
+    found = card({"osi_max": estimator(), "ffr": estimator(), **shear})
+    assert [cell["heading"] for cell in found["quantities"]] == [
+        "FFR",
+        "Patch-min TAWSS (dyn/cm²)",
+        "Low-shear area (%)",
+    ]
+    assert [cell["heading"] for cell in found["extremes"]] == ["Max OSI"]
+    low_shear = found["quantities"][2]
+    assert (low_shear["value"], low_shear["range"]) == ("0", "in all 16 runs")
