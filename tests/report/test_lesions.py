@@ -14,8 +14,8 @@ from support.estimates import estimator, row, value
 
 COLUMNS = dict.fromkeys(("ffr", "tawss_min", "osi_max"), estimator())
 STENOSIS = CaseStenosis(
-    name="LAD", artery="LAD", vessel="v", segment="v", proximal=None, distal=None, area_ratio=0.3, start=0.0, end=1.0, ffr="v:J",
-    flow="J:v", root="J:v", outlet="BC_b",
+    name="LAD", artery="LAD", vessel="v", segment="v", proximal=None, distal=None, area_ratio=0.3, start=0.0, end=1.0,
+    ffr="v:J", flow="J:v", root="J:v", outlet="BC_b",
 )  # fmt: skip
 
 
