@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.records import read as read_records
+from coronaryuq.report.captions import CAPTIONS
 from support import smoke
 
 pytestmark = pytest.mark.workflow
@@ -76,9 +78,19 @@ def test_3d_and_0d_agree_on_what_both_know(results):
 def test_the_report_contains_its_pictures_and_no_unfilled_fields(results):
     page = (results / "report.html").read_text()
     assert page.count('src="data:image/') == len(list((results / "figures").glob("*.png")))
-    shown = re.sub(r"base64,[^\"]*|<pre.*?</pre>", "", page, flags=re.S)  # without the configuration
+    shown = re.sub(r"base64,[^\"]*|<(pre|script|style).*?</\\1>", "", page, flags=re.S)  # without the configuration
     assert not re.search(r"\b(nan|None|undefined)\b", shown)
     assert "http://" not in shown and "https://" not in shown
+
+
+def test_snakemakes_own_report_holds_the_results(results, tmp_path):
+    smoke.campaign(results.parents[1], "--report", str(tmp_path / "campaign.zip"))
+    with zipfile.ZipFile(tmp_path / "campaign.zip") as archive:
+        text = "".join(archive.read(name).decode() for name in archive.namelist() if name.endswith((".js", ".html")))
+        held = {Path(name).name for name in archive.namelist()}
+    assert {"report.html", "table.csv", "pressures.csv", "intervals_ffr.png"} <= held
+    for words in (CAPTIONS["intervals_ffr"].title, CAPTIONS["flows"].title, "Fit to the data", "Posterior", "Summary"):
+        assert words in text
 
 
 def test_every_result_tells_where_it_comes_from(results):

@@ -109,7 +109,7 @@ rule estimation:
         zerod_tables=expand(rules.zerod_resampled.output.runs_parquet, k=targets.shares),
     output:
         estimates_json=results("estimation", "estimates.json"),
-        table_csv=results("estimation", "table.csv"),
+        table_csv=report(results("estimation", "table.csv"), caption="../report/table.rst", category="Estimates"),
         cost=cost_of("estimation.json"),
     log:
         log_of("estimation", "estimates.log"),

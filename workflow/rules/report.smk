@@ -6,7 +6,12 @@ rule figure:
     input:
         unpack(lambda wildcards: figures[wildcards.figure]),
     output:
-        figure=results("figures", "{figure}.png"),
+        figure=report(
+            results("figures", "{figure}.png"),
+            caption="../report/figure.rst",
+            category=lambda wildcards: category_of(wildcards.figure),
+            labels=lambda wildcards: labels_of(wildcards.figure),
+        ),
         drawing=results("figures", "{figure}.svg"),
     log:
         log_of("figures", "{figure}.log"),
@@ -54,7 +59,7 @@ rule report:
         drawn=searches.figures if searches.in_report else [],
         truths=TRUTHS if searches.in_report else [],
     output:
-        report=results("report.html"),
+        report=report(results("report.html"), caption="../report/page.rst", category="Summary"),
     log:
         log_of("report.log"),
     params:

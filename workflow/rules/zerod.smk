@@ -31,12 +31,15 @@ rule pressure_map:
         network_json=rules.calibration.output.hyperaemia_json,
         case_json=rules.case.output.case_json,
         tree_vtp=rules.case.output.tree_vtp,
-        samples_csv=expand(rules.samples.output.out_csv, set="propagation")[0],
+        draws_csv=lambda wildcards: draws(lengths_of_campaign()),
     output:
-        out_csv=results("zerod", "pressures.csv"),
+        out_csv=report(results("zerod", "pressures.csv"), caption="../report/pressures.rst", category="Flow"),
     log:
         log_of("zerod", "pressure_map.log"),
     params:
-        **stage("coronaryuq.zerod.pressure_map:write_map"),
+        **stage("coronaryuq.campaign.jobs.zerod:pressures"),
+        posterior=block("posterior"),
+        seed=campaign.seed,
+        lengths=lambda wildcards: lengths_of_campaign(),
     script:
         "../scripts/stage.py"

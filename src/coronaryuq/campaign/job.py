@@ -174,6 +174,9 @@ def job(script_globals: dict[str, Any]) -> Iterator[Job]:
             leave_note(this, cost)
         spent = "wall {wall_s} s, cpu {cpu_s} s, memory {memory_mb} MB".format(**cost)
         print(f"{this.name}: done; cost: {spent}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print(f"{this.name}: interrupted", file=sys.stderr)
+        sys.exit(130)
     except InputError as error:
         print(f"{this.name}: error: {error}", file=sys.stderr)
         sys.exit(InputError.EXIT_CODE)

@@ -18,6 +18,10 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
         ("coronaryuq run paper --profile slurm", "on a cluster, with workflow/profiles/slurm"),
         ("coronaryuq run smoke --dry-run -- --until posterior", "arguments after -- are passed to snakemake"),
     ],
+    "status": [("coronaryuq status results/smoke", "also while it runs, or after it was killed")],
+    "compare": [
+        ("coronaryuq compare results/smoke results/mine", "FFR lesion by lesion, and the settings that differ")
+    ],
     "demo": [("coronaryuq demo", "results/smoke/report.html, in about three minutes")],
     "completion": [("coronaryuq completion bash", 'in ~/.bashrc, as eval "$(coronaryuq completion bash)"')],
     "check": [

@@ -1,7 +1,6 @@
 """`coronaryuq run` and `coronaryuq demo`: run a campaign without a checkout, by Snakemake."""
 
 import argparse
-import os
 import re
 import subprocess
 import sys
@@ -10,6 +9,9 @@ from pathlib import Path
 
 from coronaryuq import config
 from coronaryuq.campaign.explain import FOLDER, remove_changed
+from coronaryuq.campaign.progress import Progress, kept
+from coronaryuq.cli.snakemake_run import Command, PlanFailed, follow, plan, refused
+from coronaryuq.cli.status import result_lines, state
 from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.private_folders import complete_environment
@@ -33,16 +35,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cores", default="all", help="cores of this machine to use (default: all)")
     parser.add_argument("--profile", metavar="NAME", help="Snakemake profile: default, slurm, or a folder of your own")
     parser.add_argument("--dry-run", "-n", action="store_true", help="show what would run, without running it")
+    parser.add_argument("--verbose", "-v", action="store_true", help="show all that Snakemake and its jobs print")
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run a campaign and print where its report is."""
+    """Run a campaign and print its results and where its report is."""
     return run(
         shipped.configuration(options.config),
         options.targets,
         cores=options.cores,
         profile=options.profile,
         dry_run=options.dry_run,
+        verbose=options.verbose,
         more=options.rest,
     )
 
@@ -64,11 +68,13 @@ def run(
     cores: str = "all",
     profile: str | None = None,
     dry_run: bool = False,
+    verbose: bool = False,
     more: Sequence[str] = (),
 ) -> int:
     """Run a campaign in the current folder; return Snakemake's exit code.
 
-    Results that have changed since their jobs wrote them are deleted first, so that they are regenerated.
+    It tells the Snakemake command, the progress, errors, and at the end the results; if `verbose`, all that Snakemake
+    and its jobs print. Results that have changed since their jobs wrote them are deleted first, to be made again.
     """
     _check_targets(targets)
     complete_environment()
@@ -76,14 +82,24 @@ def run(
     if not dry_run and (results / FOLDER).is_dir():
         for path in remove_changed(results).changed:
             print(f"{path}: changed since its job wrote it; removed", file=sys.stderr)
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(shipped.snakefile())]
-    command += ["--configfile", str(configuration), "--cores", cores]
-    command += ["--workflow-profile", profile] if profile else []
-    command += ["--dry-run"] if dry_run else []
-    code = subprocess.run([*command, *more, "--", *targets], check=False).returncode
-    report = results / "report.html"
-    if code == 0 and not dry_run and not targets and report.is_file():
-        print(f"Report: {os.fspath(report)}")
+    command = Command(configuration, targets, cores, profile, more)
+    if dry_run or verbose:
+        return subprocess.run(command.words(*["--dry-run"] * dry_run), check=False).returncode
+    print(f"Runs: {command}", file=sys.stderr)
+    try:
+        progress = Progress(results, plan(command), command.slots)
+    except PlanFailed as error:
+        return refused(error)
+    if progress.before and progress.steps:
+        print("\n".join(state(results, progress)[: 1 + len(kept(results))]), file=sys.stderr)
+    code = follow(command, progress)
+    if code:
+        there, every = progress.counts
+        print(
+            "\n".join([f"{there} of {every} steps are there; start it again to go on", *kept(results)]), file=sys.stderr
+        )
+    elif not targets:
+        print("\n".join(result_lines(results)))
     return code
 
 

@@ -9,6 +9,10 @@ import pyvista as pv
 from numpy.typing import ArrayLike
 from vtkmodules.vtkRenderingCore import vtkCoordinate
 
+from coronaryuq.core.io.vtk import silence
+
+silence()  # without a screen VTK warns of a missing X server, and then renders off-screen
+
 Item = tuple[pv.DataSet, dict]
 """A mesh, and options of `pyvista.Plotter.add_mesh`."""
 

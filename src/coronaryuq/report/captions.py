@@ -1,11 +1,6 @@
 """Captions of the figures: what to see, what is good, what is bad, and what to do then."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-
-from coronaryuq.estimation.results import RowReport
-from coronaryuq.posterior.results import Summary
-from coronaryuq.report.quantities import FFR, Digits, kind_of
 
 
 @dataclass(frozen=True)
@@ -134,46 +129,16 @@ SECTIONS = {
     "estimates": ("intervals_ffr", "intervals_wss", "scatter", "budget", "convergence"),
 }
 """Figures of each section of the page."""
+TITLES = {"pictures": "Flow", "fit": "Fit to the data", "chains": "Posterior", "estimates": "Estimates"}
+"""Of the sections."""
 
 
-def alternatives(
-    rows: Sequence[RowReport], lowest: Mapping[str, str], summary: Summary, names: Mapping[str, str]
-) -> dict[str, str]:
-    """Return what the data of some figures say, for readers who do not see them.
-
-    Parameters
-    ----------
-    rows
-        Rows of `estimates.json`.
-    lowest
-        Lowest FFR of the tree.
-    summary
-        `posterior/summary.json`.
-    names
-        What a reader calls the inputs.
-    """
-    ffr = [row for row in rows if row.column_3d.startswith(FFR)]
-    shear = [row for row in rows if not row.column_3d.startswith(FFR)]
-    medians = [f"{names.get(name, name)} {one.median:.2f}" for name, one in summary.multipliers.items()]
-    texts = {
-        "intervals_ffr": f"Mean of FFR by estimator: {_quoted(ffr, rows)}.",
-        "intervals_wss": f"Means of wall shear: {_quoted(shear, rows)}.",
-        "marginals": f"Median resistance over its tuned value: {', '.join(medians)}.",
-        "chains": f"Ranks of {summary.chains} chains; largest R-hat {summary.rhat_max:.3f}, of "
-        f"{names.get(summary.worst_parameter, summary.worst_parameter)}.",
-        "flows": f"{100 * summary.predictive.coverage_95:.0f} % of the target flows lie within the central 95 % of the "
-        "simulated ones.",
-    }
-    if lowest:
-        texts["tree_ffr"] = f"FFR along the tree: lowest {lowest['ffr']}, {lowest['where']}."
-    return texts
+def category_of(figure: str) -> str:
+    """Return the title of the section of a figure, for Snakemake's own report."""
+    return next((TITLES[section] for section, names in SECTIONS.items() if figure in names), "Others")
 
 
-def _quoted(rows: Sequence[RowReport], every: Sequence[RowReport]) -> str:
-    """Return the recommended estimate of each row in words."""
-    words = []
-    for row in rows:
-        digits, (_, paired, branch) = Digits(row.column_3d, every), (row.label.split(", ") + ["", ""])[:3]
-        value = row.recommended_report
-        words.append(f"{kind_of(row.column_3d).heading} {branch} with 0D {paired} {digits(value.mean)}")
-    return ", ".join(words)
+def labels_of(figure: str) -> dict[str, str]:
+    """Return what Snakemake's own report says of a figure."""
+    caption = CAPTIONS.get(figure)
+    return {"figure": caption.title, "what to see": caption.see} if caption else {"figure": figure, "what to see": ""}

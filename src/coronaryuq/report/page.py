@@ -17,7 +17,7 @@ from coronaryuq.flow3d.mesh.description import MeshDescription, read_description
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.posterior.results import Summary, read_summary
 from coronaryuq.report import adoption, coarse_level, discrepancy, interval_targets, losses, methods, tree
-from coronaryuq.report.captions import alternatives
+from coronaryuq.report.alt_texts import alternatives
 from coronaryuq.report.costs import costs
 from coronaryuq.report.embedding import data_url, figures_of_sections, unbroken
 from coronaryuq.report.error_budget import includes

@@ -16,7 +16,7 @@ from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import read_theta, theta_changes
 
 STATES = 200
-"""Samples of the posterior that are run, or as many as there are."""
+"""Samples of the posterior that are run."""
 SHARES = {"_low": 0.05, "": 0.5, "_high": 0.95}
 """Quantiles by the ending of their columns."""
 
@@ -24,14 +24,14 @@ SHARES = {"_low": 0.05, "": 0.5, "_high": 0.95}
 def write_map(
     network_json: str | Path, case_json: str | Path, tree_vtp: str | Path, samples_csv: str | Path, out_csv: str | Path
 ) -> None:
-    """Run the first samples of the propagation set and write quantiles of pressure and flow along the tree.
+    """Run a table of θ and write quantiles of pressure and flow along the tree.
 
     Columns: vessel (of the tree), position (0 at its start, 1 at its end), then median, 5 and 95 % quantiles (endings
     `_low`, `_high`) of pressure (mean, dyn/cm2), ffr (mean pressure over mean aortic pressure) and flow (mean, mL/s).
     One row per end of every 0D segment.
     """
     network, case, tree = read_network(network_json), read_case(case_json), read_tree(tree_vtp)
-    theta = read_theta(samples_csv, 0, min(STATES, len(read_csv(samples_csv))), network, network_json)
+    theta = read_theta(samples_csv, 0, len(read_csv(samples_csv)), network, network_json)
     inputs = {name: theta[name].to_numpy() for name in theta.columns if name != "sample"}
     parts = segments(tree, placed_stenoses(case.stenoses))
     engine = Engine(network)
@@ -42,7 +42,7 @@ def write_map(
     result = engine.run_cycles(theta_changes(network, inputs), [aorta, *quantities])
     ok = result.status == OK
     if not ok.any():
-        raise InputError(samples_csv, None, None, f"no 0D run of its first {len(ok)} samples succeeded")
+        raise InputError(samples_csv, None, None, f"no 0D run of its {len(ok)} samples succeeded")
     value = {name: values[ok] for name, values in result.values.items()}
     rows = []
     for part in parts:

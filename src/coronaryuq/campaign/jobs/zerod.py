@@ -7,6 +7,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.posterior.samples import Lengths
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.posterior.stage import draw_samples
+from coronaryuq.zerod import pressure_map
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.stage import run_chunk
 
@@ -21,6 +22,17 @@ def chunk(
         samples = Path(folder, "samples.csv")
         draw_samples(draws_csv, posterior, seed, name, first + count, samples, lengths)
         run_chunk(network_json, case_json, samples, first, count, settings, runs_parquet)
+
+
+def pressures(
+    network_json: str, case_json: str, tree_vtp: str, draws_csv: str, posterior: PosteriorSettings, seed: int,
+    lengths: Lengths, out_csv: str,
+) -> None:  # fmt: skip
+    """Write quantiles of pressure and flow along the tree over the first samples of the propagation set."""
+    with tempfile.TemporaryDirectory() as folder:
+        samples = Path(folder, "samples.csv")
+        draw_samples(draws_csv, posterior, seed, "propagation", pressure_map.STATES, samples, lengths)
+        pressure_map.write_map(network_json, case_json, tree_vtp, samples, out_csv)
 
 
 def resampled(
