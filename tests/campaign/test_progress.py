@@ -80,6 +80,13 @@ def test_the_time_left_follows_from_the_work_done_so_far(running):
     assert running.line() == "3 of 5 steps, 50 % of the work, about 10 min left"
 
 
+def test_a_step_whose_files_were_removed_is_not_there(running):
+    finish(running, "figure a", 10.0)
+    (running.folder / "results/x/a.png").unlink()
+    running.recount()
+    assert running.counts == (2, 5)
+
+
 def test_a_file_from_before_the_start_is_no_progress(running):
     path = running.folder / running.steps[0].outputs[0]
     path.write_text("")

@@ -78,7 +78,7 @@ def test_3d_and_0d_agree_on_what_both_know(results):
 def test_the_report_contains_its_pictures_and_no_unfilled_fields(results):
     page = (results / "report.html").read_text()
     assert page.count('src="data:image/') == len(list((results / "figures").glob("*.png")))
-    shown = re.sub(r"base64,[^\"]*|<(pre|script|style).*?</\\1>", "", page, flags=re.S)  # without the configuration
+    shown = re.sub(r"base64,[^\"]*|<(pre|script|style).*?</\1>", "", page, flags=re.S)  # without the configuration
     assert not re.search(r"\b(nan|None|undefined)\b", shown)
     assert "http://" not in shown and "https://" not in shown
 

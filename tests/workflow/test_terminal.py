@@ -43,7 +43,7 @@ def test_an_interrupted_campaign_says_what_it_keeps_and_goes_on(folder):
     told = process.communicate(timeout=120)[1]
     assert process.returncode == 130 and "Traceback" not in told, told
     there, every = map(int, re.search(r"(\d+) of (\d+) steps are there; start it again to go on", told).groups())
-    assert 2 <= there < every
+    assert 1 <= there < every  # Snakemake removes the files of the job that it ended
     status = coronaryuq(folder, "status", "results/mine")
     assert status.returncode == 0 and re.match(r"\d+ of \d+ steps are there; the rest takes about", status.stdout)
     again = coronaryuq(folder, "run", "mine.yaml", "results/mine/perfusion/targets.json", "--cores", "1")

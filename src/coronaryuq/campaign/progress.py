@@ -87,6 +87,11 @@ class Progress:
                 seconds = _measured(self.home, step.name)
                 self._seconds.setdefault(step.rule, []).extend([seconds] if seconds is not None else [])
 
+    def recount(self) -> None:
+        """Forget steps whose files are no longer there."""
+        self.done.clear()
+        self.look()
+
     @property
     def counts(self) -> tuple[int, int]:
         """Steps that are there, and all steps."""

@@ -107,6 +107,7 @@ def follow(command: Command, progress: Progress) -> int:
         process.wait()
         return 130
     finally:
+        progress.recount()  # Snakemake removes the files of jobs that it ended
         screen.clear()
         reader.join(timeout=10)
     if process.returncode:
