@@ -213,7 +213,7 @@ def test_the_table_is_filtered_and_sorted(page, tab, results):
     tab.run("(i => { i.value = 'lad ffr'; i.oninput(); })(document.querySelector('.filters input[type=search]'))")
     assert 0 < tab.run(f"{shown}.length") < lines / 2
     for order in (1, -1):
-        tab.run("document.querySelectorAll('#estimates-table thead button')[4].click()")
+        tab.run("document.querySelectorAll('#estimates-table thead .sort')[4].click()")
         means = tab.run(f"{shown}.map(r => parseFloat(r.querySelector('[data-key=mean]').dataset.raw))")
         assert means == sorted(means, reverse=order < 0)
 

@@ -9,7 +9,7 @@ from filelock import FileLock, Timeout
 from coronaryuq.campaign.answers import ESTIMATES, answers
 from coronaryuq.campaign.explain import CAMPAIGN
 from coronaryuq.campaign.progress import Progress, duration, kept
-from coronaryuq.cli.snakemake_run import Command, plan
+from coronaryuq.cli.snakemake_run import Command, PlanFailed, plan, refused
 from coronaryuq.core.errors import InputError
 
 REPORT = "report.html"
@@ -29,8 +29,13 @@ def main(options: argparse.Namespace) -> int:
     if holder := running(home):
         print(f"running: {holder}")
     folder = home.absolute().parents[1]
-    steps = plan(Command(home.absolute() / CAMPAIGN, folder=folder))
-    for line in state(home, Progress(folder / "results" / home.absolute().name, steps, folder=folder)):
+    command = Command(home.absolute() / CAMPAIGN, folder=folder)
+    try:
+        steps = plan(command)
+    except PlanFailed as error:
+        return refused(error)
+    progress = Progress(folder / "results" / home.absolute().name, steps, command.slots, folder=folder)
+    for line in state(home, progress):
         print(line)
     return 0
 
@@ -40,7 +45,8 @@ def state(home: Path, progress: Progress) -> list[str]:
     there, every = progress.counts
     lines = [f"{there} of {every} steps are there"]
     if progress.steps:
-        lines[0] += f"; the rest takes about {duration(progress.left)} on {progress.cores} cores"
+        cores = "one core" if progress.cores == 1 else f"{progress.cores} cores"
+        lines[0] += f"; the rest takes about {duration(progress.left)} on {cores}"
     return [*lines, *kept(home), *result_lines(home)]
 
 

@@ -18,7 +18,7 @@ from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.io.vtk import read_vtk
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
 from coronaryuq.figures.render import Camera, Item, Rendering, rendered
-from coronaryuq.figures.style import BRANCHES, DARK, FFR_COLOURS, FFR_LIMIT, FFR_RANGE, Output, ffr_map, saved
+from coronaryuq.figures.style import BRANCHES, DARK, FFR_COLOURS, FFR_LIMIT, FFR_RANGE, Output, colour, ffr_map, saved
 
 FRONT = Camera((0.65, -1.0, 0.2))
 """From the front, slightly from the left and above, in left-posterior-superior axes."""
@@ -35,9 +35,15 @@ BOX = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "
 
 
 def territories(case: str, lv: str, tree: str, output: Output) -> None:
-    """Draw myocardial blood flow, and the territory of each LV-perfusing outlet from the front and from behind."""
+    """Draw myocardial blood flow, and the territory of each LV-perfusing outlet from the front and from behind.
+
+    Without a perfusion map there is no wall: the outlets alone are drawn.
+    """
     outlets = read_case(case).lv_outlets
     wall, vessels = read_vtk(lv), read_tree(tree)
+    if not is_wall(wall):
+        _outlets_alone(outlets, vessels, output)
+        return
     ends = np.array([outlet.point for outlet in outlets])
     labels = [outlet.label for outlet in outlets]
     centres = wall.cell_centers().points
@@ -62,6 +68,23 @@ def territories(case: str, lv: str, tree: str, output: Output) -> None:
             for place, name in zip(picture.places, names, strict=True):
                 axis.annotate(name, place, ha="center", va="center", fontsize=6.5, bbox=BOX)
         _scale(figure, axes[0], norm, "viridis", "mL/min/g")
+
+
+def is_wall(wall: pv.DataSet) -> bool:
+    """Return whether the cells of `lv.vtu` are those of a perfusion map, not one point per territory."""
+    return set(np.unique(wall.celltypes)) != {pv.CellType.VERTEX}
+
+
+def _outlets_alone(outlets: list[CaseOutlet], vessels: Tree, output: Output) -> None:
+    balls = [(pv.Sphere(radius=0.28, center=outlet.point), {"color": colour(outlet.branch)}) for outlet in outlets]
+    ends = np.array([outlet.point for outlet in outlets])
+    pictures = [rendered([*balls, *_tubes(vessels, "#444444")], camera, marks=ends) for camera in (FRONT, BACK)]
+    with _row(output, pictures) as (_, axes):
+        titles = ("Outlets with measured flows, front view", "from behind and below")
+        for axis, picture, title in zip(axes, pictures, titles, strict=True):
+            _show(axis, picture, title)
+            for place, outlet in zip(picture.places, outlets, strict=True):
+                axis.annotate(outlet.label, place, xytext=(0, 8), textcoords="offset points", ha="center", fontsize=6.5)
 
 
 def tree_by_ffr(case: str, tree: str, pressures: str, output: Output) -> None:

@@ -40,7 +40,8 @@ CAPTIONS = {
     ),
     "territories": Caption(
         "Perfusion map and territories",
-        "Myocardial blood flow, and the territory assigned to each outlet.",
+        "Myocardial blood flow, and the territory assigned to each outlet; without a map, the outlets whose flows were "
+        "measured.",
         "Territories follow the arteries over the wall.",
         "A territory far from its artery, or a region of low flow cut by a border.",
         "Check registration of tree and perfusion map, then the outlets' names.",

@@ -18,9 +18,12 @@
   const compare = (a, b) => (a === null) - (b === null) || (typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b)));
   document.querySelectorAll("table.sortable").forEach(table => {
     [...table.tHead.rows[0].cells].forEach((head, column) => {
-      const button = make("button", { className: "sort", type: "button", title: "Sort by this column" });
+      // No form control: Chromium leaves those out where a printed table repeats its head.
+      const button = make("span", { className: "sort", tabIndex: 0, title: "Sort by this column" });
+      button.setAttribute("role", "button");
       button.append(...head.childNodes);
       head.append(button);
+      button.onkeydown = event => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); button.onclick(); } };
       button.onclick = () => {
         const down = head.getAttribute("aria-sort") === "ascending";
         [...table.tHead.rows[0].cells].forEach(other => other.removeAttribute("aria-sort"));

@@ -4,6 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -12,10 +13,14 @@ from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel, placed_s
 from coronaryuq.case.anatomy.vessel_names import readable_names
 from coronaryuq.case.case_json import CaseOutlet, CaseSummary
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.io.vtk import read_vtk
 from coronaryuq.core.units import ML_PER_MIN
-from coronaryuq.figures.scenes import limit_edges, shades
+from coronaryuq.figures.scenes import is_wall, limit_edges, shades
 from coronaryuq.figures.style import FFR_LIMIT, FFR_RANGE, colour, ffr_colours
 from coronaryuq.flow3d.mesh.description import Plane
+
+if TYPE_CHECKING:
+    import pyvista
 
 READINGS = ("ffr_low", "ffr", "ffr_high", "flow_low", "flow", "flow_high")
 SPACING = 0.1
@@ -106,7 +111,7 @@ def scene(readings: Readings, case: CaseSummary, planes: Mapping[str, Plane], lv
         "lesions": [_lesion(readings.tree, s, planes.get(s.name)) for s in placed_stenoses(case.stenoses)],
         "pullbacks": pullbacks(readings, case.outlets),
         "range": list(FFR_RANGE), "limit": FFR_LIMIT, "colours": ffr_colours(64),
-        "territories": _territories(lv, case.lv_outlets) if lv else None,
+        "territories": _territories(read_vtk(lv), case.lv_outlets) if lv else None,
     }  # fmt: skip
     return json.dumps(content, separators=(",", ":"))
 
@@ -139,11 +144,11 @@ def _lesion(tree: Tree, stenosis: Stenosis, plane: Plane | None) -> dict:
     return {"name": stenosis.name, "point": np.round(place, 3).tolist(), **read}
 
 
-def _territories(lv: str | Path, outlets: Sequence[CaseOutlet]) -> dict:
-    """Return the wall's surface: corners (cm), triangles, and the number of the outlet nearest to each triangle."""
-    import pyvista as pv
-
-    surface = pv.read(lv).extract_surface(algorithm="dataset_surface").triangulate()
+def _territories(wall: "pyvista.DataSet", outlets: Sequence[CaseOutlet]) -> dict | None:
+    """Return the wall as corners (cm), triangles and the number of the outlet nearest to each; None without a map."""
+    if not is_wall(wall):
+        return None
+    surface = wall.extract_surface(algorithm="dataset_surface").triangulate()
     faces = surface.regular_faces
     ends = np.array([outlet.point for outlet in outlets])
     centres = surface.points[faces].mean(axis=1)

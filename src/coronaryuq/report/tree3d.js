@@ -103,7 +103,7 @@
   const ring = (point, normal, radius) => {
     const n = unit(normal), a = unit(cross(n, Math.abs(n[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0])), b = cross(n, a);
     const line = Array.from({ length: 33 }, (_, k) => add(add(point, a, radius * Math.cos(k * Math.PI / 16)), b, radius * Math.sin(k * Math.PI / 16)));
-    return tube(line, line.map(() => 0.045), null, [0.08, 0.08, 0.08]);
+    return tube(line, line.map(() => 0.045), null, matchMedia("screen and (prefers-color-scheme: dark)").matches ? [1, 1, 1] : [0.08, 0.08, 0.08]);
   };
   const solid = coronary.flatMap(vessel => {
     // An ostial artery starts on the aorta's centreline; what lies inside the aorta is not drawn.
