@@ -30,7 +30,8 @@ def figures(campaign: Campaign, paths: Paths) -> dict[str, dict[str, str]]:
     if min(campaign.estimation.convergence_sizes, default=0) <= campaign.samples.n_3d - HELD_BACK:
         chosen["convergence"] = {"convergence": "estimation/convergence.json"}
     if campaign.backend == "ensemble" and campaign.flow3d.fields:
-        chosen |= dict.fromkeys(("lumen", "walls"), CASE | {"fields": "flow3d/fields_0.zip"})
+        chosen["walls"] = CASE | {"fields": "flow3d/fields_0.zip"}
+        chosen["lumen"] = chosen["walls"] | {"mesh": "mesh/mesh.json"}
     return _of(chosen, paths)
 
 

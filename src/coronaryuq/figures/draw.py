@@ -15,7 +15,7 @@ FIGURES: dict[str, str] = {
     "chains": "coronaryuq.figures.posterior:chains",
     "tree_ffr": "coronaryuq.figures.scenes:tree_by_ffr",
     "walls": "coronaryuq.figures.scenes:walls",
-    "lumen": "coronaryuq.figures.scenes:lumen",
+    "lumen": "coronaryuq.figures.lumen:lumen",
     "osi_scatter": "coronaryuq.figures.estimates:osi_scatter",
     "scatter": "coronaryuq.figures.estimates:scatter",
     "intervals_wss": "coronaryuq.figures.estimates:intervals_wss",

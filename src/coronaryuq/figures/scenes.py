@@ -16,7 +16,7 @@ from coronaryuq.case.case_json import CaseOutlet, read_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.io.vtk import read_vtk
-from coronaryuq.core.units import MBF_PER_MIN_PER_G, MMHG
+from coronaryuq.core.units import MBF_PER_MIN_PER_G
 from coronaryuq.figures.render import Camera, Item, Rendering, rendered
 from coronaryuq.figures.style import BRANCHES, DARK, FFR_COLOURS, FFR_LIMIT, FFR_RANGE, Output, colour, ffr_map, saved
 
@@ -119,7 +119,7 @@ def walls(fields: str, case: str, tree: str, output: Output) -> None:
     fields: archive of a batch's fields. The stress has a logarithmic scale: in the throat it is a hundred times that in
     the region distal to it, where the quantities of interest are evaluated.
     """
-    wall = _first(fields, "_wall.vtp")
+    wall = first_field(fields, "_wall.vtp")
     vessels, stenoses = read_tree(tree), placed_stenoses(read_case(case).stenoses)
     pieces = [piece.extract_surface(algorithm="dataset_surface") for piece in wall.connectivity().split_bodies()]
     panels = (
@@ -152,51 +152,7 @@ def _wall(piece: pv.PolyData, name: str, colours: str, norm: Normalize, marks: n
     return rendered([(shown, look)], FRONT, marks)
 
 
-def lumen(fields: str, case: str, tree: str, output: Output, reach: float = 1.6, height: float = 1.0) -> None:
-    """Draw cycle means of speed and pressure of the first sample in a plane along each stenosis; flow from the left.
-
-    The plane is the best fit to the centreline around the stenosis. reach: length shown on either side of the middle of
-    the stenosis, cm; height: of a panel, cm.
-    """
-    inside = _first(fields, ".vtu")
-    inside["speed"] = np.linalg.norm(inside["mean_velocity"], axis=1)
-    inside["mmHg"] = inside["mean_pressure"] / MMHG
-    vessels, stenoses = read_tree(tree), placed_stenoses(read_case(case).stenoses)
-    cuts = [_cut(inside, vessels[stenosis.vessel], stenosis, reach, height) for stenosis in stenoses]
-    panels = (("speed", "magma", "mean speed (cm/s)"), ("mmHg", "viridis", "mean pressure (mmHg)"))
-    with saved(
-        output, nrows=len(cuts), ncols=2, figsize=(8.6, 1.15 * len(cuts) + 0.4), squeeze=False, layout="compressed"
-    ) as (figure, axes):
-        for column, (name, colours, what) in enumerate(panels):
-            norm = Normalize(
-                min(float(np.min(cut[name])) for cut, _ in cuts), max(float(np.max(cut[name])) for cut, _ in cuts)
-            )
-            look = {"scalars": name, "cmap": colours, "clim": (norm.vmin, norm.vmax), "lighting": False}
-            for row, (cut, camera) in enumerate(cuts):
-                picture = rendered([(cut.copy(), look)], camera, size=(1280, 400))
-                _show(axes[row, column], picture, stenoses[row].name)
-            _scale(figure, axes[:, column], norm, colours, what)
-        axes[-1, 0].plot([20, 20 + 0.5 * 400 / height], [380, 380], color="black", lw=1.5)
-        axes[-1, 0].text(20, 365, "0.5 cm", fontsize=6.5)
-
-
-def _cut(
-    inside: pv.DataSet, vessel: Vessel, stenosis: Stenosis, reach: float, height: float
-) -> tuple[pv.DataSet, Camera]:
-    """Cut a stenosis along its centreline; also return a camera for which blood flows from left to right."""
-    near = (vessel.arc > stenosis.start - 0.5) & (vessel.arc < stenosis.end + 1.0)
-    points = vessel.points[near]
-    normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
-    along = points[-1] - points[0] - ((points[-1] - points[0]) @ normal) * normal
-    along /= np.linalg.norm(along)
-    middle = vessel.position_at(0.5 * (stenosis.start + stenosis.end))
-    cut = inside.slice(normal=normal, origin=middle).connectivity("closest", closest_point=middle)
-    for end in (-1.0, 1.0):
-        cut = cut.clip(normal=end * along, origin=middle + end * reach * along)
-    return cut, Camera(normal, up=np.cross(normal, along), focus=middle, height=height)
-
-
-def _first(fields: str, ending: str) -> pv.DataSet:
+def first_field(fields: str, ending: str) -> pv.DataSet:
     """Return the first sample's field whose file name has an ending, from an archive of fields."""
     with zipfile.ZipFile(fields) as archive, tempfile.TemporaryDirectory() as folder:
         names = sorted(name for name in archive.namelist() if name.endswith(ending))

@@ -24,8 +24,9 @@ CAPTIONS = {
     ),
     "lumen": Caption(
         "Flow through the lesions",
-        "Mean speed and pressure over a cycle of the first 3D sample, in a plane along each lesion; blood flows from "
-        "left to right, all panels share their scales.",
+        "Mean speed and pressure over a cycle of the first 3D sample, the lumen straightened along its artery (scale "
+        "across doubled); blood flows from left to right, all panels share their scales. Triangle: throat; dashed: "
+        "where FFR is read.",
         "A smooth jet that widens within some diameters.",
         "Speckles, or a jet one element wide.",
         "Refine the mesh (`mesh.jet_resolution`).",
