@@ -104,14 +104,33 @@ def test_the_patient_has_the_median_and_the_90_percent_range_over_draws(card):
     assert card()["patient"] == {}
 
 
-@pytest.mark.parametrize(("half_width", "word"), [(0.004, "would not"), (0.06, "could")])
-def test_more_simulations_matter_if_their_error_reaches_the_limit(card, half_width, word):
-    ffr = estimator(mean=0.85, calibrated=Interval(0.85 - half_width, 0.85 + half_width, 0.95))
+@pytest.mark.parametrize(
+    ("half_width", "sources", "words"),
+    [
+        (
+            0.004,
+            {"runs_3d": 1.0},
+            "More simulations would not: the numerical error of the mean is ± 0.004 (not measured",
+        ),
+        (
+            0.06,
+            {"runs_3d": 1.0},
+            "More simulations could: the numerical error of the mean, mostly of 3D runs, is ± 0.060",
+        ),
+        (0.06, {"runs_3d": 0.1, "mesh": 0.9}, "A finer mesh and shorter time steps could: "),
+        (0.004, {"runs_3d": 0.1, "mesh": 0.9}, "Neither more simulations nor a finer mesh would: "),
+    ],
+)
+def test_what_would_help_is_the_source_whose_error_reaches_the_limit(card, half_width, sources, words):
+    interval = Interval(0.85 - half_width, 0.85 + half_width, 0.95)
+    ffr = estimator(mean=0.85, calibrated=interval, variance=sources)
     told = card({"ffr": ffr}, zones=zones(0.1, 0.08, 0.12), quantiles=quantiles(0.79, 0.85, 0.9))["change"]
     assert told[0].startswith("If FFR were lower by 0.05 or more in every state") and "drawn too wide" in told[0]
-    assert told[-1].startswith(f"More simulations {word}: ")
+    assert told[-1].startswith(words)
     below = card({"ffr": ffr}, zones=zones(0.9, 0.85, 0.95), quantiles=quantiles(0.6, 0.7, 0.82))["change"]
     assert below[0].startswith("If FFR were higher by 0.10") and "too narrow" in below[0]
+    at = card({"ffr": ffr}, zones=zones(0.5, 0.4, 0.6), quantiles=quantiles(0.7, 0.802, 0.9))["change"]
+    assert at[0].startswith("The median lies at 0.80: ")
     assert card({"ffr": ffr})["change"] == []
 
 

@@ -38,6 +38,7 @@ def test_a_study_of_this_mesh_is_quoted(mesh, study):
     found = MeshError(mesh, study)
     assert found.of("ffr_lad") == "mesh −0.0045 ± 0.0059, time step ± 0.0078"
     assert found.of("osi_max_lad") == "mesh ± 0.098"
+    assert found.of("osi_max_lad", 100.0) == "mesh ± 9.8"
     assert found.of("mean_flow:A:B") == ""
     assert "4000, 8000, 17000 nodes" in found.sentence and "2 or more of the samples" in found.sentence
     assert "FFR is accurate to 0.014 at the worst stenosis" in found.sentence, "0.0045 + 1.96 · 0.005"
@@ -67,3 +68,10 @@ def test_a_study_of_another_mesh_is_not_quoted(mesh, study):
     found = MeshError(mesh, study)
     assert found.of("ffr_lad") == ""
     assert "measured on another mesh" in found.sentence
+
+
+def test_sources_that_are_zero_in_the_digits_of_the_largest_are_left_out(mesh, study):
+    content = read_json(study)
+    content["quantities"]["ffr_lad"]["errors"].append(error("cycles", 4e-6))
+    write_json(study, content)
+    assert MeshError(mesh, study).of("ffr_lad") == "mesh −0.0045 ± 0.0059, time step ± 0.0078"

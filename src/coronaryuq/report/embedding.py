@@ -58,5 +58,5 @@ def in_script(json_text: str) -> Markup:
 
 
 def unbroken(page: str) -> str:
-    """Return a page in which no line break separates a number from its per cent sign."""
-    return re.sub(r"(?<=\d) %", "\u00a0%", page)
+    """Return a page in which no line break separates a number from its per cent sign or from its ±."""
+    return re.sub(r"(?<=±) (?=\d)|(?<=\d) (?=%)", "\u00a0", page)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.case.case_json import CaseStenosis
-from coronaryuq.estimation.results import Probability, RowReport, Value
+from coronaryuq.estimation.results import NUMERICAL, STATISTICAL, EstimatorReport, Probability, RowReport, Value
 from coronaryuq.figures.style import colour
-from coronaryuq.report.error_budget import error_budget
+from coronaryuq.report.error_budget import WORDS, error_budget
 from coronaryuq.report.improve import improve_first, numerical_share
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.quantities import FFR, FFR_DECIMALS, KINDS, Digits, constant
@@ -82,7 +82,7 @@ def quantity_cell(row: RowReport, rows: Sequence[RowReport], mesh: MeshError) ->
     estimate, digits = row.recommended_report, Digits(row.column_3d, rows)
     cell = {
         "row": row.row, "heading": digits.kind.heading, "value": digits(estimate.mean), "raw": estimate.mean,
-        "mesh": mesh.of(row.column_3d), "level": f"{100 * estimate.calibrated.level:.0f} % interval",
+        "mesh": mesh.of(row.column_3d, digits.kind.scale), "level": f"{100 * estimate.calibrated.level:.0f} % interval",
     }  # fmt: skip
     if constant(row):
         return cell | {
@@ -189,11 +189,13 @@ def _what_would_change(lesion: Lesion, row: RowReport, patient: dict, zones: Seq
     if not patient or limit is None:
         return []
     estimate = row.recommended_report
-    distance, numerical = patient["middle"] - limit, estimate.calibrated.half_width
+    distance = patient["middle"] - limit
     side, drawn = ("lower", "wide") if distance > 0 else ("higher", "narrow")
     lines = [
         f"If FFR were {side} by {abs(distance):.2f} or more in every state, for instance because the lumen was drawn "
         f"too {drawn}, the median would cross {limit:.2f}."
+        if abs(distance) >= 0.005
+        else f"The median lies at {limit:.2f}: any error of the lumen or of the model moves it across."
     ]
     beyond = row.beyond_the_mean
     if improve := improve_first(beyond.by_source or {}, numerical_share(estimate, row.variance_3d)):
@@ -201,11 +203,23 @@ def _what_would_change(lesion: Lesion, row: RowReport, patient: dict, zones: Seq
     else:
         for driver in _drivers(beyond.shapley or {}, lesion.inputs, shown=1):
             lines.append(f"Knowing {driver['name']} would narrow the range most: {driver['share']} of its variance.")
-    small = numerical < abs(distance)
+    return [*lines, _numerics(estimate, abs(distance))]
+
+
+def _numerics(estimate: EstimatorReport, distance: float) -> str:
+    """Return whether more runs, or a finer mesh, could move the mean across the limit at some distance."""
+    reach = estimate.calibrated.half_width
+    numerical = sum(estimate.variance.get(name, 0.0) for name in NUMERICAL)
+    statistical = sum(estimate.variance.get(name, 0.0) for name in STATISTICAL)
+    better = "A finer mesh and shorter time steps" if numerical > statistical else "More simulations"
+    if reach < distance:
+        better = "Neither more simulations nor a finer mesh" if numerical else "More simulations"
+        words = f"{better} {'would' if numerical else 'would not'}: the numerical error of the mean is "
+    else:
+        words = f"{better} could: the numerical error of the mean, mostly of {_mostly(estimate)}, is "
     missing = error_budget(estimate)["missing"]
-    lines.append(
-        f"More simulations {'would not' if small else 'could'}: the numerical error of the mean is "
-        f"± {numerical:.{FFR_DECIMALS}f}{'' if small else ', more than that distance'}"
-        f"{f' ({missing})' if missing else ''}."
-    )
-    return lines
+    return f"{words}± {reach:.{FFR_DECIMALS}f}{f' ({missing})' if missing else ''}."
+
+
+def _mostly(estimate: EstimatorReport) -> str:
+    return WORDS[max(estimate.variance, key=lambda name: estimate.variance[name])]

@@ -6,7 +6,7 @@ from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
 
 
-def learnt(files: Mapping[str, str], stenoses: list[str]) -> dict:
+def learnt(files: Mapping[str, str], stenoses: list[str], names: Mapping[str, str]) -> dict:
     """Return a sentence and the rows of the losses that are certain; an empty sentence if nothing was learnt.
 
     Parameters
@@ -15,6 +15,8 @@ def learnt(files: Mapping[str, str], stenoses: list[str]) -> dict:
         Paths of the report's inputs; `losses_fit` and `losses` if 3D runs taught the 0D model.
     stenoses
         Names of the stenoses, in whose places pressure over aortic pressure is FFR.
+    names
+        What a reader calls the vessels of the tree, of which 0D vessels are parts (`NAME_seg0`).
     """
     if "losses_fit" not in files:
         return {"sentence": "", "rows": []}
@@ -29,7 +31,7 @@ def learnt(files: Mapping[str, str], stenoses: list[str]) -> dict:
     certain = table[table["meaning"].notna() & (table["meaning"] != "")]
     rows = [
         {
-            "where": str(row.vessels).replace(" ", ", "),
+            "where": _where(str(row.vessels).split(), names),
             "loss": row.loss,
             "own": f"{row.own_mmhg:.2f}",
             "added": f"{row.added_mmhg:+.2f} ± {row.added_sd_mmhg:.2f}",
@@ -38,3 +40,10 @@ def learnt(files: Mapping[str, str], stenoses: list[str]) -> dict:
         for row in certain.itertuples()
     ]
     return {"sentence": sentence, "rows": rows}
+
+
+def _where(parts: list[str], names: Mapping[str, str]) -> str:
+    """Return the arteries of some 0D vessels, with the vessels themselves in brackets."""
+    arteries = dict.fromkeys(names.get(part.partition("_seg")[0], "") for part in parts)
+    known = ", ".join(filter(None, arteries))
+    return f"{known} ({', '.join(parts)})" if known else ", ".join(parts)

@@ -36,9 +36,16 @@ class MeshError:
         if study and not self.of_another_mesh:
             self.errors = read_discretization(study)
 
-    def of(self, column: str) -> str:
-        """Return the correction that the mesh asks for and the 95 % interval of each source, or nothing."""
-        return ", ".join(_words(error) for error in self.errors.get(column, ()))
+    def of(self, column: str, scale: float = 1.0) -> str:
+        """Return the correction that the mesh asks for and the 95 % interval of each source, or nothing.
+
+        All have the digits of the largest; sources that are zero in these are left out. scale: of the numbers shown.
+        """
+        errors = self.errors.get(column, ())
+        largest = max((NORMAL_95 * error.std * scale for error in errors), default=0.0)
+        decimals = max(0, 1 - int(np.floor(np.log10(largest)))) if largest > 0 else 0
+        words = (_words(error, scale, decimals) for error in errors)
+        return ", ".join(filter(None, words))
 
     @property
     def sentence(self) -> str:
@@ -81,9 +88,12 @@ class MeshError:
         return f"{accuracy + '; e' if accuracy else 'E'}xtremes of wall shear and OSI have not converged: {COMPARE}"
 
 
-def _words(error: NumericalError) -> str:
-    correction = f"{error.correction:+.2g} ".replace("-", "−") if error.correction else ""
-    return f"{WORDS[error.source]} {correction}± {NORMAL_95 * error.std:.2g}"
+def _words(error: NumericalError, scale: float, decimals: int) -> str:
+    correction, reach = error.correction * scale, NORMAL_95 * error.std * scale
+    if round(correction, decimals) == 0 and round(reach, decimals) == 0:
+        return ""
+    corrected = f"{correction:+.{decimals}f} ".replace("-", "−") if correction else ""
+    return f"{WORDS[error.source]} {corrected}± {reach:.{decimals}f}"
 
 
 def _largest(errors: list[NumericalError]) -> float:

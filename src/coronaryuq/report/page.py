@@ -82,7 +82,11 @@ def write_report(
         "lesions": [lesion_card(lesion, rows) for lesion in lesions],
         "lowest": lowest,
         "scene": tree.scene(readings, case, mesh_json.planes, files.get("lv")),
-        "table": [line for row in rows for line in table_lines(row, rows, mesh.of(row.column_3d), notes)],
+        "table": [
+            line
+            for row in rows
+            for line in table_lines(row, rows, mesh.of(row.column_3d, kind_of(row.column_3d).scale), notes)
+        ],
         "notes": notes.groups,
         "coarse_level": coarse_level.sentence(estimates.rows, estimates.coarse),
         "interval_targets": interval_targets.sentences(rows, files["budget"], files.get("allocation")),
@@ -90,7 +94,7 @@ def write_report(
         "runs3d": quality(records, configuration["flow3d"]["tolerance"]),
         "fit": _fit(read_csv(files["fit"]), summary),
         "chains": _chains(summary, configuration["posterior"]),
-        "losses": losses.learnt(files, [stenosis.name for stenosis in case.stenoses]),
+        "losses": losses.learnt(files, [stenosis.name for stenosis in case.stenoses], readings.names),
         "noise": _noise(targets),
         "figures": figures_of_sections(figures, alternatives(rows, lowest, summary, _names(case, rows))),
         "searches": (found := discrepancy.searches(*searches)),
