@@ -28,6 +28,7 @@ def home(tmp_path_factory):
     for part in ("case", "calibration", "posterior"):
         (home / part).mkdir()
     (home / "case.json").rename(home / "case" / "case.json")
+    (home / "tree.vtp").rename(home / "case" / "tree.vtp")
     (home / "network.json").rename(home / "calibration" / "hyperaemia.json")
     write_text(home / "posterior" / "draws.csv", "chain,generation,BC_LAD,log_density\n0,0,1.0,0.0\n1,0,1.2,0.0\n")
     write_text(home / "campaign.yaml", CAMPAIGN)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, write_tree
 from coronaryuq.case.network.build import Bed, network_from_tree
 from coronaryuq.flow3d.adapter import Batch
 from coronaryuq.flow3d.mesh.settings import Settings
@@ -40,6 +40,7 @@ def make_case(folder: Path, **settings) -> CoupledCase:
         upstream_diameters=1.0,
         downstream_diameters=2.0,
     )
+    write_tree(folder / "tree.vtp", tree)
     mesh_tree(tree, stenoses, network, coarse, folder / "mesh")
     write_network(folder / "network.json", network)
     write_case_json(folder / "case.json", name="tube")
