@@ -28,7 +28,7 @@ def test_the_four_files_agree_with_one_another(small_tree, tmp_path):
     wall = pv.read(tmp_path / "case/lv.vtu")
     graph = closed_loop_tree(network, "network.json")
     assert case["period"] == graph.network.heart["cardiac_cycle_period"] == 0.8
-    assert case["aorta"] == {"pressure": "J_heart_outlet:aorta"}
+    assert case["aorta"] == {"pressure": "J_heart_outlet:aorta", "made": False}
     for outlet in case["outlets"]:
         assert graph.outlet_bc[outlet["block"]] == outlet["bc"]
         assert tree[outlet["vessel"]].points[-1].tolist() == outlet["point"]

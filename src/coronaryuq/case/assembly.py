@@ -139,7 +139,7 @@ def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty
         tissue_density=description.tissue_density,
         schematic=anatomy is None,
         anatomy=None if anatomy is None else AnatomySource(kind=anatomy.kind, unit=anatomy.unit),
-        aorta=Aorta(pressure=topology.inlet(topology.roots[0])),
+        aorta=Aorta(pressure=topology.inlet(topology.roots[0]), made=any(vessel.made for vessel in tree)),
         outlets=outlets,
         systemic=[bc for bc in topology.vessel_of if topology.kind(bc) == SYSTEMIC],
         stenoses=_stenoses(path, description, tree, stenoses, topology, outlets),

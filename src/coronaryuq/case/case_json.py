@@ -29,9 +29,10 @@ class AnatomySource(_Part):
 
 
 class Aorta(_Part):
-    """0D location of the aortic pressure, as svZeroDSolver names it."""
+    """0D location of the aortic pressure, as svZeroDSolver names it; made: the aorta is none of the patient's."""
 
     pressure: str
+    made: bool = False
 
 
 class CaseOutlet(_Part):

@@ -15,7 +15,8 @@ from scipy.spatial import cKDTree
 
 from coronaryuq.case.anatomy.centrelines import own_radius
 from coronaryuq.case.anatomy.simvascular import join_lines
-from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel, parents_first, polylines, read_tree
+from coronaryuq.case.anatomy.synthetic_aorta import is_aorta, one_tree
+from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel, parents_first, polylines, read_tree, read_trees
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import line_number, read_csv
 from coronaryuq.core.io.vtk import read_vtk
@@ -61,12 +62,16 @@ def read_centrelines(path: str | Path, scale: float = 1.0) -> tuple[Tree, tuple[
     """
     path = Path(path)
     if path.suffix.lower() in TABLES:
-        return _of_table(path, scale), ()
+        notes: list[str] = []
+        return _of_table(path, scale, notes), tuple(notes)
     mesh, radius = _lines_of(path)
     cells = list(polylines(mesh.lines))
     names = next((name for name in NAMES if name in mesh.cell_data), None)
     if radius == "Radius" and names == "VesselName" and "Parent" in mesh.cell_data:
-        return read_tree(path, scale), ()
+        trees, told = read_trees(path, scale), list[str]()
+        if len(trees) > 1 and any(is_aorta(vessel) for tree in trees for vessel in tree):
+            read_tree(path, scale)  # which says what is wrong
+        return one_tree(path, trees, told), tuple(told)
     points, radii = np.asarray(mesh.points, float) * scale, np.asarray(mesh[radius], float) * scale
     if radii.ndim != 1 or not (np.isfinite(radii).all() and radii.min() > 0.0):
         raise InputError(path, radius, None, "expected one positive number per point")
@@ -101,7 +106,7 @@ def _lines_of(path: Path) -> tuple["pv.PolyData", str]:
     return mesh, radius
 
 
-def _of_table(path: Path, scale: float) -> Tree:
+def _of_table(path: Path, scale: float, notes: list[str]) -> Tree:
     import pandas as pd
 
     table = read_csv(path, ("name", "x", "y", "z", "radius"), words=("name", "parent", "branch"))
@@ -124,7 +129,7 @@ def _of_table(path: Path, scale: float) -> Tree:
     for name, parent in stated.items():
         if parent not in {line.name for line in lines}:
             raise InputError(path, f"parent of {name}", parent, "no such vessel in the table")
-    return _joined(path, lines, of_branch, [], stated)
+    return _joined(path, lines, of_branch, notes, stated)
 
 
 def _first_of_each(table, column: str) -> dict[str, str]:
@@ -194,19 +199,18 @@ def _joined(
     parents = _parents_by_ends(lines)
     if parents is not None:
         order = parents_first(path, names, parents)
-        tree = Tree(replace(lines[k], parent=parents[k]) for k in order)
+        trees, line_of = [Tree(replace(lines[k], parent=parents[k]) for k in order)], {name: name for name in names}
     else:
         apart = _without_common_beginnings(lines)
         if len(apart) < len(lines):
             notes.append(f"centrelines: left out {len(lines) - len(apart)} of {len(lines)}, which are parts of others")
-        tree = join_lines(path, apart)
-    # A part of a line has its name with an ending.
-    line_of = {v.name: max((name for name in names if v.name.startswith(name)), key=len) for v in tree}
-    for vessel in tree:
+        trees, line_of = join_lines(path, apart)
+    for vessel in (vessel for tree in trees for vessel in tree):
         line, parent = line_of[vessel.name], line_of.get(vessel.parent or "", "")
         if parent != line and stated.get(line, parent) != parent:
             raise InputError(path, f"parent of {line}", stated[line], f"but it starts on {parent or 'no other vessel'}")
-    return Tree(replace(v, branch=branches.get(line_of[v.name]) or AORTA) for v in tree)
+    named = [Tree(replace(v, branch=branches.get(line_of[v.name]) or AORTA) for v in tree) for tree in trees]
+    return one_tree(path, named, notes)
 
 
 def _parents_by_ends(lines: list[Vessel]) -> list[str | None] | None:

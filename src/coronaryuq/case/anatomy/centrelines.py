@@ -1,5 +1,6 @@
 """Centrelines and radii of a closed lumen: shortest paths through its medial axis (Antiga et al. 2003, 2008)."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,11 +101,12 @@ def _sites(surface: Surface, spacing: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def centreline_tree(
-    file: str | Path, surface: Surface, inlet: Cap, outlets: dict[str, Cap], spacing: float | None = None
-) -> Tree:
-    """Trace the tree from the aortic inlet to every other cap, radii in cm.
+    file: str | Path, surface: Surface, inlet: Cap, outlets: dict[str, Cap], spacing: float | None = None,
+    root: str = AORTA, taken: Iterable[str] = (),
+) -> Tree:  # fmt: skip
+    """Trace the tree from the inlet to every other cap, radii in cm.
 
-    Inner vessels are named `branchN` by their position in the tree, the first one `aorta`; branches are not labelled.
+    Inner vessels are named `branchN` by their position in the tree, the first one `root`; branches are not labelled.
     Radii are those of discs with the areas of the cross-sections, as far out as `REACH`.
 
     Parameters
@@ -119,6 +121,10 @@ def centreline_tree(
         Name of each end's vessel → its cap.
     spacing : float, optional
         Of the surface points, cm; by default a third of the smallest outlet radius.
+    root : str
+        Name of the first vessel.
+    taken : iterable of str
+        Names that inner vessels must not have; where they would, `_` is added.
 
     Raises
     ------
@@ -133,13 +139,13 @@ def centreline_tree(
     for name, cap in outlets.items():
         target = _node_at(file, axis, kd, cap)
         if not np.isfinite(cost[target]):
-            raise InputError(file, name, str(cap), "cannot be reached from the aortic inlet through the lumen")
+            raise InputError(file, name, str(cap), "cannot be reached from the inlet through the lumen")
         path = [target]
         while path[-1] != source:
             path.append(int(before[path[-1]]))
         paths[name] = path[::-1]
     pieces = _pieces(axis, paths)
-    return _tree(surface, axis, pieces, inlet, outlets)
+    return _tree(surface, axis, pieces, inlet, outlets, _names(pieces, root, {*taken, *outlets}))
 
 
 def _node_at(file, axis: MedialAxis, kd: cKDTree, cap: Cap) -> int:
@@ -208,9 +214,22 @@ def _too_short(axis: MedialAxis, pieces: list[_Piece]) -> int | None:
     return None
 
 
-def _tree(surface: Surface, axis: MedialAxis, pieces: list[_Piece], inlet: Cap, outlets: dict[str, Cap]) -> Tree:
+def _names(pieces: list[_Piece], root: str, taken: set[str]) -> list[str]:
+    names = []
+    for k, piece in enumerate(pieces):
+        name = piece.name
+        if name is None:
+            name = root if k == 0 else f"branch{k}"
+            while name in taken:
+                name += "_"
+        names.append(name)
+    return names
+
+
+def _tree(
+    surface: Surface, axis: MedialAxis, pieces: list[_Piece], inlet: Cap, outlets: dict[str, Cap], names: list[str]
+) -> Tree:
     caps = {k: outlets[p.name] for k, p in enumerate(pieces) if p.name is not None}
-    names = [p.name or ("aorta" if k == 0 else f"branch{k}") for k, p in enumerate(pieces)]
     lines = []
     for k, piece in enumerate(pieces):
         points, radius = axis.points[piece.nodes], axis.radius[piece.nodes]

@@ -7,11 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from coronaryuq.case.anatomy.centreline_files import read_centrelines
-from coronaryuq.case.anatomy.centrelines import centreline_tree
+from coronaryuq.case.anatomy.closed_lumen import AORTIC, lumen_tree
 from coronaryuq.case.anatomy.simvascular import read_project
 from coronaryuq.case.anatomy.stenosis_detection import detected_stenoses, stenosis_at
-from coronaryuq.case.anatomy.surface import Cap, Surface, read_surface
-from coronaryuq.case.anatomy.synthetic_aorta import NAMES, RADIUS, with_aorta
+from coronaryuq.case.anatomy.synthetic_aorta import note_of, with_aorta
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, branch_of
 from coronaryuq.case.description.fields import ARTERIES, Anatomy, Description, StenosisPlace
 from coronaryuq.case.settings import Settings
@@ -45,96 +44,7 @@ def read_anatomy(
         return read_centrelines(path, scale)
     if anatomy.kind == "simvascular":
         return read_project(path, scale, anatomy.groups)
-    if anatomy.kind == "mesh":
-        path = path / "mesh-complete.exterior.vtp"
-    surface = read_surface(path, scale)
-    inlet, ends = _name_caps(file, description, anatomy, surface, rows)
-    tree, notes = centreline_tree(path, surface, inlet, ends, settings.surface_spacing), surface.notes
-    valve = None if anatomy.inlet is not None else _end_at_valve(tree, {row.name for row in rows})
-    if valve is not None:
-        inlet, ends[valve] = ends[valve], inlet
-        tree = centreline_tree(path, surface, inlet, ends, settings.surface_spacing)
-        notes += (f"surface: took the end nearest to the coronary ostia, at {inlet}, as the aortic inlet",)
-    return tree, notes
-
-
-def _end_at_valve(tree: Tree, coronary: set[str]) -> str | None:
-    """Return the aortic end that lies nearer to the coronary ostia than the tree's root, if there is one.
-
-    The coronary arteries leave the aorta right above its valve. coronary: names of the coronary ends.
-    """
-    ends = {v.name for v in tree.leaves()}
-    feeding = {v.name for v in tree if {w.name for w in tree.subtree(v.name)} & ends <= coronary}
-    parents = {v.name: v.parent for v in tree if v.name in feeding and v.parent is not None and v.parent not in feeding}
-    if not parents or not ends - coronary:
-        return None
-    # A centreline leaves the aortic axis upstream of its ostium, which lies one aortic radius further on.
-    ostia = [tree[name].position_at(float(tree[parent].radii[-1])) for name, parent in parents.items()]
-
-    def mean_distance(point: np.ndarray) -> float:
-        return float(np.mean([np.linalg.norm(point - ostium) for ostium in ostia]))
-
-    nearest = min(ends - coronary, key=lambda name: mean_distance(tree[name].points[-1]))
-    return nearest if mean_distance(tree[nearest].points[-1]) < mean_distance(tree.root.points[0]) else None
-
-
-def _name_caps(
-    file: Path, description: Description, anatomy: Anatomy, surface: Surface, rows: Sequence[OutletRow]
-) -> tuple[Cap, dict[str, Cap]]:
-    """Return the cap of the aortic inlet, and the other caps by the vessel that ends there.
-
-    Coronary and systemic caps are those nearest to the outlets' points. Among the others, the inlet is the one nearest
-    to `anatomy.inlet` or, for now, the largest; the rest are systemic.
-    """
-    table, scale = file.parent / description.outlets, LENGTHS[anatomy.unit]
-    free = list(surface.caps)
-    ends: dict[str, Cap] = {}
-
-    def shown(caps: Sequence[Cap]) -> str:
-        """List caps in the length unit of the table."""
-        entries = [
-            "(" + ", ".join(f"{x / scale:.4g}" for x in cap.centre) + f") radius {cap.radius / scale:.3g}"
-            for cap in caps
-        ]
-        return f"{'; '.join(entries) or 'none'} ({anatomy.unit})"
-
-    def take_nearest(source: Path, field: str, point) -> Cap:
-        position = np.array(point) * scale
-        cap = min(free, key=lambda cap: float(np.linalg.norm(cap.centre - position)), default=None)
-        if cap is None or np.linalg.norm(cap.centre - position) > max(FARTHEST, 2 * cap.radius):
-            raise InputError(
-                source,
-                field,
-                list(point),
-                f"the surface has no unassigned cap there; unassigned caps: {shown(free)}",
-            )
-        free.remove(cap)
-        return cap
-
-    for row in rows:
-        if row.point is None:
-            raise InputError(
-                table, f"x y z of {row.name}", None, f"missing; a surface needs them. Its caps: {shown(surface.caps)}"
-            )
-        ends[row.name] = take_nearest(table, f"x y z of {row.name}", row.point)
-    for outlet in description.systemic_outlets:
-        if outlet.point is not None:
-            ends[outlet.vessel or outlet.name.removeprefix("BC_")] = take_nearest(
-                file, f"systemic_outlets.{outlet.name}.point", outlet.point
-            )
-    if anatomy.inlet is not None:
-        inlet = take_nearest(file, "anatomy.inlet", anatomy.inlet)
-    elif free:
-        inlet = free.pop(0)
-    else:
-        raise InputError(file, "anatomy.inlet", None, "no cap is left for the aortic inlet")
-    for k, cap in enumerate(free):
-        if cap.radius < 2 * max(ends[row.name].radius for row in rows):
-            raise InputError(
-                table, "name", shown([cap]), "no row of the table matches this coronary-sized cap; add one"
-            )
-        ends["aorta_outlet" if k == 0 else f"aorta_outlet{k + 1}"] = cap
-    return inlet, ends
+    return lumen_tree(file, description, anatomy, rows, settings)
 
 
 def place_outlets(
@@ -166,9 +76,11 @@ def place_outlets(
     unassigned = [name for name in ends if name not in vessels.values()]
     notes: tuple[str, ...] = ()
     if not unassigned and not description.systemic_outlets:
-        tree = _aorta_added(file, tree)
-        unassigned = [NAMES[-1]]
-        notes = (f"anatomy: has no aorta; added one of radius {RADIUS:g} cm for the 0D loop",)
+        whole = with_aorta([tree])
+        notes, tree = (note_of(whole, [tree]),), whole
+        unassigned = [vessel.name for vessel in tree.leaves() if vessel.made]
+    if not description.systemic_outlets:
+        _check_aortic(table, tree, unassigned, max(float(tree[v].radii[-1]) for v in vessels.values()))
     systemic = _systemic(file, description, tree, unassigned)
     missing = [name for name in unassigned if name not in systemic.values()]
     if missing:
@@ -178,6 +90,18 @@ def place_outlets(
     notes += _plausible_size(file, description.length_unit, [float(tree[v].radii[-1]) for v in vessels.values()])
     branches = {vessels[row.name]: row.branch for row in rows}
     return labelled(tree, branches), PlacedOutlets(rows, vessels, systemic, notes)
+
+
+def _check_aortic(table: Path, tree: Tree, ends: Sequence[str], widest: float) -> None:
+    """Raise InputError for an end without a row that is not wide enough to be one of the aorta."""
+    for name in ends:
+        radius = float(tree[name].radii[-1])
+        if not tree[name].made and radius < AORTIC * widest:
+            remedy = (
+                f"this end of the tree, of radius {10 * radius:.2g} mm, has no outlet; add a row, or name it under "
+                "systemic_outlets if it is one of the aorta"
+            )
+            raise InputError(table, "vessel", name, remedy)
 
 
 def _plausible_size(file: Path, unit: str, radii: list[float]) -> tuple[str, ...]:
@@ -191,13 +115,6 @@ def _plausible_size(file: Path, unit: str, radii: list[float]) -> tuple[str, ...
             f"anatomy: in {unit}, the median radius of the coronary ends is {10 * median:.2g} mm; check anatomy.unit",
         )
     return ()
-
-
-def _aorta_added(file: Path, tree: Tree) -> Tree:
-    try:
-        return with_aorta(tree)
-    except ValueError as error:
-        raise InputError(file, "anatomy", None, str(error)) from None
 
 
 def labelled(tree: Tree, branches: Mapping[str, str]) -> Tree:

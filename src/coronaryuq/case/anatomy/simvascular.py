@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 
+from coronaryuq.case.anatomy.synthetic_aorta import is_aorta, one_tree
 from coronaryuq.case.anatomy.tree import Tree, Vessel, project
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.text import read_text, visible
@@ -20,6 +21,9 @@ AT_END = 0.1
 """Radii from the end of a line, within which others that start there are its continuation."""
 ATTACH = 1.5
 """A path branches off another if it starts within this many radii of it."""
+SEPARATE, MOST_TREES = 1.0, 3
+"""cm between trees that have nothing to do with one another (nearer ones ought to touch), and their largest number:
+left, right, and a circumflex or conus artery with an ostium of its own."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,8 @@ def read_project(folder: str | Path, scale: float, chosen: Sequence[str] = ()) -
         )
     if left_out:
         notes.append(f"left out paths with fewer than two contours: {', '.join(left_out)}")
-    return join_lines(folder, lines, tuple(notes)), tuple(notes)
+    trees, _ = join_lines(folder, lines, notes, complete=not left_out)
+    return one_tree(folder, trees, notes), tuple(notes)
 
 
 def _line(name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
@@ -113,19 +118,75 @@ def _one_time(path: Path, notes: list[str]) -> ElementTree.Element:
     return steps[0] if steps else root
 
 
-def join_lines(folder: Path, lines: list[Vessel], notes: tuple[str, ...] = ()) -> Tree:
-    """Join lines to a tree: each starts at the nearest point of another line, which is cut there.
+def join_lines(
+    folder: Path, lines: list[Vessel], notes: Sequence[str] = (), complete: bool = True
+) -> tuple[list[Tree], dict[str, str]]:
+    """Join lines to trees: each starts at the nearest point of another line, which is cut there.
 
-    The root is the line for which the others start closest to their parents. notes: appended to an error.
+    The root is the line for which the others start closest to their parents. Coronary lines that are far from all
+    others are trees of their own; a line that only misses its parent is an error. notes: appended to it.
+    complete: whether no line was left out, without which others may seem to be trees of their own.
+
+    Returns
+    -------
+    list of Tree
+        Parents before children.
+    dict of str to str
+        Vessel → the line of which it is a part.
     """
-    attempts = [_attached(first, lines) for first in lines]
-    reached, origins, worst, (line, other) = min(attempts, key=lambda attempt: attempt[2])
-    if worst > ATTACH:
-        remedy = (
-            f"path starts {worst:.1f} radii from {other}, the nearest; expected at most {ATTACH} (paths must overlap)"
+    groups = _groups(lines)
+    if len(groups) > 1:
+        _check_separate(folder, groups, notes, complete)
+    taken = {line.name for line in lines}
+    trees: list[Tree] = []
+    line_of: dict[str, str] = {}
+    for group in groups:
+        attempts = [_attached(first, group) for first in group]
+        reached, origins, worst, (line, other) = min(attempts, key=lambda attempt: attempt[2])
+        if worst > ATTACH:
+            raise _gap(folder, line, worst, other, notes)
+        vessels, parts = _cut(reached, origins, taken)
+        trees.append(vessels)
+        line_of |= parts
+    return trees, line_of
+
+
+def _gap(folder: Path, line: str, radii: float, other: str, notes: Sequence[str]) -> InputError:
+    remedy = f"path starts {radii:.1f} radii from {other}, the nearest; expected at most {ATTACH} (paths must overlap)"
+    return InputError(folder, line, None, "; ".join([remedy, *notes]))
+
+
+def _groups(lines: list[Vessel]) -> list[list[Vessel]]:
+    """Return the lines in groups that touch: one starts within `ATTACH` radii of another; the longest group first."""
+    group_of = list(range(len(lines)))
+    for k, line in enumerate(lines):
+        for j, other in enumerate(lines):
+            if j != k and group_of[j] != group_of[k] and _away(line, other)[0] <= ATTACH:
+                old = group_of[k]
+                group_of = [group_of[j] if group == old else group for group in group_of]
+    groups = [
+        [line for line, group in zip(lines, group_of, strict=True) if group == k] for k in dict.fromkeys(group_of)
+    ]
+    return sorted(groups, key=lambda group: -sum(line.length for line in group))
+
+
+def _away(line: Vessel, other: Vessel) -> tuple[float, float]:
+    """Return how far a line starts from another one: in radii of that, and in cm."""
+    arc, distance = project(other, line.points[0])
+    return distance / float(other.radius_at(arc)), distance
+
+
+def _check_separate(folder: Path, groups: list[list[Vessel]], notes: Sequence[str], complete: bool) -> None:
+    """Raise InputError unless the groups are coronary trees that have nothing to do with one another."""
+    with_aorta = any(is_aorta(line) for group in groups for line in group)
+    for group in groups[1:]:
+        others = [line for other in groups if other is not group for line in other]
+        # The line of the group that would be attached, and where.
+        radii, distance, line, other = min(
+            (*_away(line, other), line.name, other.name) for line in group for other in others
         )
-        raise InputError(folder, line, None, "; ".join([remedy, *notes]))
-    return _cut(reached, origins)
+        if not complete or with_aorta or len(groups) > MOST_TREES or distance < SEPARATE:
+            raise _gap(folder, line, radii, other, notes)
 
 
 def _attached(first: Vessel, lines: list[Vessel]) -> tuple[list[Vessel], dict[str, tuple[str, float]], float, tuple]:
@@ -148,9 +209,12 @@ def _attached(first: Vessel, lines: list[Vessel]) -> tuple[list[Vessel], dict[st
     return reached, origins, worst, worst_pair
 
 
-def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
-    """Cut lines at bifurcations; the last part of a line keeps its name, earlier parts add _1, _2, ..."""
-    taken = {line.name for line in lines}
+def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]], taken: set[str]) -> tuple[Tree, dict[str, str]]:
+    """Cut lines at bifurcations; the last part of a line keeps its name, earlier parts add _1, _2, ...
+
+    taken: names that no part may have. Also returns the line of every vessel.
+    """
+    line_of: dict[str, str] = {}
     vessels: list[Vessel] = []
     piece_at: dict[str, list[tuple[float, str]]] = {}
     for line in lines:
@@ -165,6 +229,7 @@ def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
                 cuts.append(arc)
         ends = [*cuts, line.length]
         names = [_free(f"{line.name}_{k + 1}", taken) for k in range(len(cuts))] + [line.name]
+        line_of |= dict.fromkeys(names, line.name)
         parent = None
         start_point = None
         if line.name in origins:
@@ -181,7 +246,7 @@ def _cut(lines: list[Vessel], origins: dict[str, tuple[str, float]]) -> Tree:
             vessels.append(Vessel(name, points, radii, parent))
             parent, start_point, begin = name, None, end
         piece_at[line.name] = list(zip(cuts, names[:-1], strict=True))
-    return Tree(vessels)
+    return Tree(vessels), line_of
 
 
 def _free(name: str, taken: set[str]) -> str:

@@ -1,5 +1,6 @@
 """Read a lumen surface (STL, VTP, PLY), close it, and find its flat caps."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,14 @@ class Surface:
 
 
 def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
-    """Read a surface, keep its largest piece, close its open ends with flat caps, find all caps.
+    """Read the largest piece of a surface as `read_surfaces` reads all of them."""
+    return read_surfaces(path, scale)[0]
+
+
+def read_surfaces(path: str | Path, scale: float = 1.0) -> list[Surface]:
+    """Read the pieces of a surface, the largest first; close their open ends with flat caps, and find all caps.
+
+    A smaller piece without two caps is no vessel and left out; the first one has the notes on the file.
 
     Parameters
     ----------
@@ -72,8 +80,8 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
     Raises
     ------
     InputError
-        If the file is missing or contains no surface, edges are shared by more than two triangles, or there are fewer
-        than three caps.
+        If the file is missing or contains no surface, edges are shared by more than two triangles, or the largest piece
+        has fewer than two caps.
     """
     import pyvista as pv
 
@@ -96,17 +104,51 @@ def read_surface(path: str | Path, scale: float = 1.0) -> Surface:
     if mesh.n_cells > MOST_TRIANGLES:
         raise InputError(path, "triangles", mesh.n_cells, f"more than {MOST_TRIANGLES}; decimate the surface")
     points = np.asarray(mesh.points, dtype=float) * scale
-    surface = surface_of(points, np.asarray(mesh.regular_faces), path)
-    return replace(surface, notes=(*notes, *surface.notes))
+    triangles = np.asarray(mesh.regular_faces)
+    triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
+    pieces = _pieces(points, triangles)
+    surfaces = [_closed(points, pieces[0], path)]
+    for piece in pieces[1:]:
+        try:
+            surfaces.append(_closed(points, piece, path))
+        except InputError:  # a fragment or a calcification
+            continue
+    if len(surfaces) < len(pieces):
+        notes += (f"surface: kept {len(surfaces)} of {len(pieces)} pieces, those with flat ends",)
+    return [replace(surfaces[0], notes=(*notes, *surfaces[0].notes)), *surfaces[1:]]
+
+
+def joined(surfaces: Sequence[Surface]) -> Surface:
+    """Return several pieces as one surface."""
+    if len(surfaces) == 1:
+        return surfaces[0]
+    points = np.cumsum([0, *(len(surface.points) for surface in surfaces)])
+    faces = np.cumsum([0, *(len(surface.triangles) for surface in surfaces)])
+    caps = [
+        replace(cap, faces=cap.faces + first)
+        for surface, first in zip(surfaces, faces, strict=False)
+        for cap in surface.caps
+    ]
+    return Surface(
+        np.concatenate([surface.points for surface in surfaces]),
+        np.concatenate([surface.triangles + first for surface, first in zip(surfaces, points, strict=False)]),
+        sorted(caps, key=lambda cap: -cap.radius),
+        tuple(note for surface in surfaces for note in surface.notes),
+    )
 
 
 def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "surface") -> Surface:
-    """Return the closed surface of points (n, 3) cm and triangles (m, 3), as `read_surface` does."""
-    notes: list[str] = []
+    """Return the closed surface of the largest piece of points (n, 3) cm and triangles (m, 3)."""
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]
-    triangles, pieces = _largest_piece(points, triangles)
-    if pieces > 1:
-        notes.append(f"surface: kept the largest of {pieces} pieces")
+    pieces = _pieces(points, triangles)
+    surface = _closed(points, pieces[0], path)
+    left_out = (f"surface: kept the largest of {len(pieces)} pieces",) if len(pieces) > 1 else ()
+    return replace(surface, notes=(*left_out, *surface.notes))
+
+
+def _closed(points: np.ndarray, triangles: np.ndarray, path: str | Path) -> Surface:
+    """Return the closed surface of one piece, with its caps."""
+    notes: list[str] = []
     triangles, superfluous = _without_fins(triangles)
     if superfluous:
         notes.append(f"surface: removed {superfluous} triangles that are duplicates or not part of the surface (fins)")
@@ -123,11 +165,12 @@ def surface_of(points: np.ndarray, triangles: np.ndarray, path: str | Path = "su
     if _signed_volume(points, triangles) < 0:
         triangles = triangles[:, ::-1]
     caps = find_caps(points, triangles)
-    if len(caps) < 3:
-        raise InputError(
-            path, "caps", len(caps), "flat ends found; expected at least the aortic inlet, its outlet and one "
-            "coronary outlet, cut flat with a sharp rim",
-        )  # fmt: skip
+    if len(caps) < 2:
+        remedy = (
+            "flat ends found; expected at least an inlet (aorta or ostium) and one coronary outlet, cut flat with a "
+            "sharp rim"
+        )
+        raise InputError(path, "caps", len(caps), remedy)
     return Surface(points, triangles, caps, tuple(notes))
 
 
@@ -247,13 +290,14 @@ def _signed_volume(points: np.ndarray, triangles: np.ndarray) -> float:
     return float((np.cross(a, b) * c).sum() / 6)
 
 
-def _largest_piece(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, int]:
+def _pieces(points: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
+    """Return the triangles of each connected piece, the one with most of them first."""
     edges = _edges(triangles)
     graph = coo_matrix((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(points),) * 2)
     _, piece = connected_components(graph, directed=False)
     of_triangle = piece[triangles[:, 0]]
     names, count = np.unique(of_triangle, return_counts=True)
-    return triangles[of_triangle == names[np.argmax(count)]], len(names)
+    return [triangles[of_triangle == name] for name in names[np.argsort(-count, kind="stable")]]
 
 
 def _without_fins(triangles: np.ndarray) -> tuple[np.ndarray, int]:

@@ -1,6 +1,6 @@
 """The centreline tree: vessels between bifurcations, with their radii, from the aortic root to the coronary outlets."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +27,7 @@ class Vessel:
 
     points: (n, 3) cm, from the parent's last point onwards. radii: (n,) cm. parent: name, None for the root.
     branch: "aorta", or the coronary artery that it belongs to: "LM", "LAD", "LCx" or "RCA"; "coronary" for a common
-    trunk of other arteries than LAD and LCx (a single coronary artery).
+    trunk of other arteries than LAD and LCx (a single coronary artery). made: not in the patient's files.
     """
 
     name: str
@@ -35,6 +35,7 @@ class Vessel:
     radii: np.ndarray
     parent: str | None = None
     branch: str = AORTA
+    made: bool = False
 
     @cached_property
     def arc(self) -> np.ndarray:
@@ -293,6 +294,16 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
     InputError
         If data are missing or the polylines are not one tree.
     """
+    trees = read_trees(path, scale)
+    if len(trees) > 1:
+        roots = ", ".join(tree.root.name for tree in trees)
+        remedy = "more than one root vessel; all but one must start on another vessel"
+        raise InputError(path, "Parent", roots, remedy)
+    return trees[0]
+
+
+def read_trees(path: str | Path, scale: float = 1.0) -> list[Tree]:
+    """Read separate trees as `read_tree` reads one; raises InputError likewise."""
     import pyvista as pv
 
     mesh = read_vtk(path)
@@ -313,15 +324,24 @@ def read_tree(path: str | Path, scale: float = 1.0) -> Tree:
     if "Parent" in mesh.cell_data:
         parents = [str(p) or None for p in mesh.cell_data["Parent"]]
     else:
-        parents = _join_by_ends(path, [points[c] for c in cells], names)
+        parents = _join_by_ends([points[c] for c in cells], names)
     branches = [str(b) for b in _cell_data(mesh, "Branch", [AORTA] * len(cells))]
     order = parents_first(path, names, parents)
+    vessels = [Vessel(names[i], points[cells[i]], radii[cells[i]], parents[i], branches[i]) for i in order]
     try:
-        return Tree(
-            Vessel(names[i], points[cells[i]], radii[cells[i]], parents[i], branches[i]) for i in order
-        )  # fmt: skip
+        return separate_trees(vessels)
     except ValueError as error:
         raise InputError(path, None, None, str(error)) from None
+
+
+def separate_trees(vessels: Sequence[Vessel]) -> list[Tree]:
+    """Return the trees of vessels, parents before children, one per vessel without a parent."""
+    of_root: dict[str, list[Vessel]] = {}
+    root_of: dict[str, str] = {}
+    for vessel in vessels:
+        root = root_of[vessel.name] = vessel.name if vessel.parent is None else root_of[vessel.parent]
+        of_root.setdefault(root, []).append(vessel)
+    return [Tree(own) for own in of_root.values()]
 
 
 def _cell_data(mesh: "pyvista.DataSet", name: str, default: list[str]) -> Iterable[str]:
@@ -338,18 +358,13 @@ def polylines(lines: np.ndarray) -> Iterator[np.ndarray]:
         start += 1 + n
 
 
-def _join_by_ends(path, polylines: list[np.ndarray], names: list[str]) -> list[str | None]:
-    """Return the parent of each polyline, the one that ends where it starts; exactly one may have none."""
+def _join_by_ends(polylines: list[np.ndarray], names: list[str]) -> list[str | None]:
+    """Return the parent of each polyline, the one that ends where it starts, if there is one."""
     span = max(float(np.ptp(np.concatenate(polylines), axis=0).max()), 1e-9)
     parents: list[str | None] = []
     for i, line in enumerate(polylines):
         gaps = [float(np.linalg.norm(other[-1] - line[0])) if j != i else np.inf for j, other in enumerate(polylines)]
         parents.append(names[int(np.argmin(gaps))] if min(gaps, default=np.inf) < 1e-4 * span else None)
-    roots = [n for n, p in zip(names, parents, strict=True) if p is None]
-    if len(roots) != 1:
-        raise InputError(
-            path, "Parent", ", ".join(roots), "more than one root vessel; all but one must start on another vessel"
-        )
     return parents
 
 
