@@ -69,7 +69,9 @@ def plan(command: Command) -> list[Step]:
         If Snakemake refuses.
     """
     words = command.words("--dry-run", "--quiet", "reason")
-    done = subprocess.run(words, capture_output=True, text=True, cwd=command.folder, check=False)
+    done = subprocess.run(
+        words, capture_output=True, encoding="utf-8", errors="replace", cwd=command.folder, check=False
+    )
     if done.returncode:
         raise PlanFailed(done.returncode, errors_of((done.stderr + done.stdout).splitlines()))
     return planned(done.stdout + done.stderr)
@@ -90,7 +92,7 @@ def follow(command: Command, progress: Progress) -> int:
     log = progress.home / "logs" / "run.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     process = subprocess.Popen(
-        command.words("--quiet", "all"), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+        command.words("--quiet", "all"), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace",
         cwd=command.folder,
     )  # fmt: skip
     screen = _Screen()

@@ -63,11 +63,13 @@ def convergence(
 ) -> None:  # fmt: skip
     """Write the convergence study, {"convergence": [...]}; arguments as in `training.write_networks`.
 
-    shown: beginning of the label of the rows with networks that are studied if the settings name none.
+    shown: beginning of the label of the rows with networks that are studied if the settings name none; all with
+    networks are if no label begins so.
     """
     runs, rows = read_chosen(runs_folder, rows_csv, settings)
     named = settings.convergence_rows
-    usual = [row for row in rows if row.networks and row.label.startswith(shown)]
+    with_networks = [row for row in rows if row.networks]
+    usual = [row for row in with_networks if row.label.startswith(shown)] or with_networks
     chosen = [row for row in rows if row.name in named] if named else usual
     entries = subsamples(runs, chosen, settings, seed)
     write_json(out_json, {"convergence": plain(entries)})
