@@ -92,8 +92,8 @@ def follow(command: Command, progress: Progress) -> int:
     log = progress.home / "logs" / "run.log"
     log.parent.mkdir(parents=True, exist_ok=True)
     process = subprocess.Popen(
-        command.words("--quiet", "all"), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace",
-        cwd=command.folder,
+        command.words("--quiet", "all"), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        encoding="utf-8", errors="replace", cwd=command.folder,
     )  # fmt: skip
     screen = _Screen()
     reader = threading.Thread(target=_read, args=(process, log, screen), daemon=True)
