@@ -4,7 +4,7 @@ Taylor-Hood triangles (quadratic velocity, linear pressure) in the (z, r) half p
 in density, direct solves. It has no code in common with the 3D solver.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -264,10 +264,19 @@ def _jacobian(
         value = -np.einsum("eq,eqi,ql->eil", weight, divergence[x], POINTS)
         parts.append((every + x * m, corners + 2 * m, value))
         parts.append((corners + 2 * m, every + x * m, value.transpose(0, 2, 1)))
+    return summed(parts, 2 * m + elements.n)
+
+
+def summed(parts: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]], size: int) -> sp.csc_matrix:
+    """Return the matrix (size, size) whose entries are the sums of element matrices.
+
+    parts: numbers of test functions (e, i), of trial functions (e, j), and values (e, i, j).
+    """
+    parts = list(parts)
     rows = np.concatenate([np.repeat(i, j.shape[1], axis=1).ravel() for i, j, _ in parts])
     columns = np.concatenate([np.tile(j, (1, i.shape[1])).ravel() for i, j, _ in parts])
     data = np.concatenate([value.ravel() for _, _, value in parts])
-    return sp.csc_matrix((data, (rows, columns)), shape=(2 * m + elements.n,) * 2)
+    return sp.csc_matrix((data, (rows, columns)), shape=(size, size))
 
 
 def _measure(grid: Grid, elements: Elements, solution: np.ndarray, force: np.ndarray) -> AxisymmetricFlow:

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from coronaryuq.bench.flow3d.axisymmetric import POINTS, Elements, Rule, quadratic, rule_on
+from coronaryuq.bench.flow3d.axisymmetric import POINTS, Elements, Rule, quadratic, rule_on, summed
 from coronaryuq.flow3d.verification.tube import disc
 
 
@@ -117,10 +117,7 @@ def _jacobian(
         value = -np.einsum("eq,eqi,ql->eil", weight, gradient, POINTS)
         parts.append((every + k * m, corners + 3 * m, value))
         parts.append((corners + 3 * m, every + k * m, value.transpose(0, 2, 1)))
-    rows = np.concatenate([np.repeat(i, j.shape[1], axis=1).ravel() for i, j, _ in parts])
-    columns = np.concatenate([np.tile(j, (1, i.shape[1])).ravel() for i, j, _ in parts])
-    data = np.concatenate([value.ravel() for _, _, value in parts])
-    return sp.csc_matrix((data, (rows, columns)), shape=(3 * m + elements.n,) * 2)
+    return summed(parts, 3 * m + elements.n)
 
 
 def _wall_shear(elements: Elements, force: np.ndarray, bend: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
