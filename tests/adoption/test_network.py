@@ -6,33 +6,16 @@ from coronaryuq.adoption.in_3d import INSIDE, for_3d
 from coronaryuq.adoption.network import with_effects
 from coronaryuq.case.network.network import UNCERTAIN
 from coronaryuq.flow3d.mesh.coupling.cut_network import cut_network
-from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription, Remainder
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import Theta
 from support.adopted_effects import KINDS, SCALES, adopted, placed
-from support.small_loop import loop
+from support.small_loop import loop, mesh_of_part
 
 FLOWS = ["mean_flow:J0:lca1", "mean_flow:J0:lca2", "mean_pressure:J_heart_outlet:aorta"]
 
 
-def cap(name, upstream, downstream, flow):
-    return Face(name=name, kind="cap", couples=Couples(upstream=upstream, downstream=downstream, flow=flow))
-
-
-MESH = MeshDescription(
-    faces=[
-        cap("inlet_lca1", "J0", "lca1", "in"),
-        cap("outlet_lca1", "lca1", "lca1", "out"),
-        cap("inlet_lca2", "J0", "lca2", "in"),
-        cap("outlet_lca2", "lca2", "BC_lca2", "out"),
-    ],
-    replaces=["lca2"],
-    cut={"lca1": Remainder(downstream={"R_poiseuille": 0.3, "L": 0.3, "C": 0.3})},
-    regions={},
-    planes={},
-)
-"""The first part of lca1, and the whole of lca2."""
+MESH = mesh_of_part({"R_poiseuille": 0.3, "L": 0.3, "C": 0.3})
 
 
 @pytest.mark.parametrize("name", ["side_branch_leak", "collateral", "aortic_stenosis", "diffuse_narrowing"])

@@ -10,7 +10,6 @@ from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import read_csv
-from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription, Remainder
 from coronaryuq.losses.own_losses import for_3d
 from coronaryuq.losses.places import edges, places
 from coronaryuq.losses.stage import learn_losses
@@ -19,7 +18,7 @@ from coronaryuq.zerod.network.read import read_network, write_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import theta_changes
 from support.case_files import case_summary, write_case_json
-from support.small_loop import loop
+from support.small_loop import loop, mesh_of_part
 
 AORTA = "J_heart_outlet:aorta"
 OUTSIDE = 0.3
@@ -33,22 +32,7 @@ TRUTH = {
 """The domain is the first part of lca1, with 1.6 of its resistance, and the whole of lca2."""
 
 
-def cap(name: str, upstream: str, downstream: str, flow: str) -> Face:
-    return Face(name=name, kind="cap", couples=Couples(upstream=upstream, downstream=downstream, flow=flow))
-
-
-MESH = MeshDescription(
-    faces=[
-        cap("inlet_lca1", "J0", "lca1", "in"),
-        cap("outlet_lca1", "lca1", "lca1", "out"),
-        cap("inlet_lca2", "J0", "lca2", "in"),
-        cap("outlet_lca2", "lca2", "BC_lca2", "out"),
-    ],
-    replaces=["lca2"],
-    cut={"lca1": Remainder(downstream={"R_poiseuille": OUTSIDE, "L": OUTSIDE, "stenosis_coefficient": 0.0})},
-    regions={},
-    planes={},
-)
+MESH = mesh_of_part({"R_poiseuille": OUTSIDE, "L": OUTSIDE, "stenosis_coefficient": 0.0})
 
 
 @pytest.fixture(scope="module")

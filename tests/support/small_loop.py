@@ -1,5 +1,7 @@
 """A closed loop of one systemic and two coronary beds, and a problem on it."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from coronaryuq.case.network.build import HEART
@@ -9,6 +11,7 @@ from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.flow3d.mesh.description import Couples, Face, MeshDescription, Remainder
 from support.hypotheses import placed
 
 
@@ -85,3 +88,19 @@ def fresh(network=None, threads=1):
         for quantity, place in places
     ]
     return make_problem(network or loop(), conditions, measured, Settings(steps_per_cycle=200, threads=threads))
+
+
+def mesh_of_part(beyond: Mapping[str, float]) -> MeshDescription:
+    """The first part of lca1, of which fractions `beyond` lie downstream, and the whole of lca2."""
+    places = (
+        ("inlet_lca1", "J0", "lca1", "in"),
+        ("outlet_lca1", "lca1", "lca1", "out"),
+        ("inlet_lca2", "J0", "lca2", "in"),
+        ("outlet_lca2", "lca2", "BC_lca2", "out"),
+    )
+    faces = [
+        Face(name=name, kind="cap", couples=Couples(upstream=upstream, downstream=downstream, flow=flow))
+        for name, upstream, downstream, flow in places
+    ]
+    cut = {"lca1": Remainder(downstream=dict(beyond))}
+    return MeshDescription(faces=faces, replaces=["lca2"], cut=cut, regions={}, planes={})
