@@ -1,4 +1,4 @@
-"""A coronary tree without an aorta, and two of them, become a case with an aorta that is made and said to be."""
+"""Coronary trees without an aorta, one or two, become a case with an added aorta and a note on it."""
 
 import numpy as np
 import pytest

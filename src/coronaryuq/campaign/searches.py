@@ -82,13 +82,15 @@ class Searches:
         Raises
         ------
         InputError
-            If there is no search of the campaign's loop.
+            If the campaign searches no case whose effects it could adopt.
         """
         if not self.settings.adopt:
             return None
         found = next((case for case in ("case", "hidden") if case in self.cases), None)
         if found is None:
-            remedy = "there is no search of this campaign's loop; give measurements and conditions, or set false"
+            remedy = (
+                "this campaign searches no measurements of its loop; give measurements and conditions, or set false"
+            )
             raise InputError("configuration", "discrepancy.adopt", True, remedy)
         return found
 

@@ -33,7 +33,7 @@ BENCHMARKS = {
 """Benchmark → module within `coronaryuq.bench`, with a function `run` and, if it has options, `add_arguments`."""
 COMMANDS = {
     "run": ("cli.run", "run a campaign in the current folder"),
-    "status": ("cli.status", "say what of a campaign is there, and how long the rest takes"),
+    "status": ("cli.status", "show how far a campaign is, the time left, and its results"),
     "compare": ("cli.compare", "compare FFR of two campaigns"),
     "crate": ("cli.crate", "pack a campaign with its workflow, inputs and jobs as an RO-Crate"),
     "solve": ("zerod.command", "solve one 0D network, in svZeroDSolver's formats"),

@@ -22,7 +22,7 @@ WARNED = re.compile(r"^(?:note|warning): |: warning: ")
 PAUSE = 0.5
 """Seconds between two looks at the results."""
 STEP = 0.1
-"""Progress that is told without a terminal."""
+"""Progress between two lines where there is no terminal."""
 
 
 class PlanFailed(Exception):

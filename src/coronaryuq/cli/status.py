@@ -1,4 +1,4 @@
-"""`coronaryuq status`: what of a campaign is there, what it goes on with, how long the rest takes, and its results."""
+"""`coronaryuq status`: how far a campaign is, where it resumes, the time left, and its results."""
 
 import argparse
 import sys
@@ -17,7 +17,7 @@ REPORT = "report.html"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `coronaryuq status`."""
-    parser.description = "Say what of a campaign is there, what it goes on with, and how long the rest takes."
+    parser.description = "Show how far a campaign is, where it resumes, the time left, and its results."
     parser.add_argument("results", metavar="FOLDER", help="results folder of a campaign, results/NAME")
 
 

@@ -1,4 +1,4 @@
-"""A stenosis in one of several segments, a drift of the wire and a diffuse loss are told apart by a pullback."""
+"""A pullback distinguishes a stenosis in one of several segments, a drift of the wire, and a diffuse loss."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory

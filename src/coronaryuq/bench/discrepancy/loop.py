@@ -46,7 +46,7 @@ TUNING = 8
 """Runs in which the total is met: flow is nearly inverse to resistance."""
 LEVEL = (0.05, 0.95)
 CERTAIN = 1e-6
-"""Variance of a size that is known."""
+"""Variance with which a known size enters, in standard deviations of its prior squared."""
 STRESS = "hyperaemia"
 MODELS = ("before", "after", "truth")
 SETTINGS = Settings(dream=DreamSettings(generations=2000), independence=IndependenceSettings(draws=45))

@@ -89,7 +89,7 @@ def one_tree(file: str | Path, trees: Sequence[Tree], notes: list[str]) -> Tree:
 
 
 def note_of(tree: Tree, trees: Sequence[Tree]) -> str:
-    """Return what is told of a tree with an added aorta."""
+    """Return the note on an added aorta."""
     several = f", from which {len(trees)} separate trees arise ({', '.join(t.root.name for t in trees)})"
     return (
         f"anatomy: has no aorta; added one of radius {tree.root.radii[0]:.3g} cm for the 0D loop"

@@ -249,4 +249,5 @@ def rare(n: int, share: float) -> str | None:
     beyond = n * min(share, 1 - share)
     if beyond >= TAIL_RUNS - 1e-9:
         return None
-    return f"rests on about {beyond:.2g} of {n} runs; its coverage is untested below {TAIL_RUNS}"
+    number = f"about {beyond:.0f}" if beyond >= 1 else "fewer than 1"
+    return f"rests on {number} of {n} runs; its coverage is untested below {TAIL_RUNS}"
