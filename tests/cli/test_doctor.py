@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from coronaryuq.cli.doctor import examine
+from coronaryuq.cli.doctor import EXTERNAL, Finding, examine
 from coronaryuq.core import numba_cache
 from coronaryuq.zerod.svzerodsolver import program
 
@@ -17,13 +17,13 @@ CHECKS = {"SNAKEMAKE_OUTPUT_CACHE": "cache", numba_cache.VARIABLE: "kernels", "T
 def no_other_checks(monkeypatch):
     """Leave out the checks that start processes."""
     monkeypatch.setattr("coronaryuq.cli.doctor.check_libraries", lambda: ())
-    for name in ("check_rendering", "check_mpi", "check_job"):
-        monkeypatch.setattr(f"coronaryuq.cli.doctor.{name}", lambda: None)
-    monkeypatch.setattr("coronaryuq.cli.doctor.check_scheduler", lambda: ())
+    monkeypatch.setattr("coronaryuq.cli.doctor.check_rendering", lambda: Finding("3D rendering", True, "left out"))
+    for name in ("check_mpi", "check_job", "check_scheduler"):
+        monkeypatch.setattr(f"coronaryuq.cli.doctor.{name}", lambda: ())
 
 
 def finding(what):
-    (found,) = (each for each in examine() if each is not None and each.what == what)
+    (found,) = (each for each in examine() if each.what == what)
     return found
 
 
@@ -50,9 +50,29 @@ def test_without_any_folder_for_kernels_the_variable_to_set_is_named(monkeypatch
     monkeypatch.delenv(numba_cache.VARIABLE, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", "/proc/nowhere")
     monkeypatch.setattr("tempfile.tempdir", "/proc/nowhere")
-    monkeypatch.setattr("coronaryuq.cli.doctor.check_scratch", lambda: None)
     found = finding("kernels")
     assert not found.sound and f"set {numba_cache.VARIABLE}" in found.detail
+
+
+@pytest.mark.parametrize("program", EXTERNAL)
+def test_an_installed_program_without_any_scratch_folder_fails_its_check_only(program, tmp_path, monkeypatch):
+    (tmp_path / program).write_text("#!/bin/sh\n")
+    (tmp_path / program).chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", "/proc/nowhere")
+    found = {each.what: each for each in examine()}
+    assert not found[program].sound and "/proc/nowhere" in found[program].detail
+    assert not found["scratch"].sound and found["python"].sound
+    assert set(EXTERNAL) <= set(found)
+
+
+def test_a_folder_that_cannot_be_written_fails_the_checks_that_need_it(tmp_path, monkeypatch):
+    def refuse(*_, **settings):
+        raise PermissionError(13, "Permission denied", settings.get("dir") or str(tmp_path))
+
+    monkeypatch.setattr("tempfile.TemporaryDirectory", refuse)
+    found = finding("locks")
+    assert not found.sound and "Permission denied" in found.detail
 
 
 @pytest.mark.slow

@@ -1,5 +1,6 @@
 """Checks of a machine before a campaign: libraries, MPI, 3D rendering, disk, solvers, scheduler."""
 
+import functools
 import importlib.metadata
 import io
 import os
@@ -8,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import redirect_stderr
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,18 +57,28 @@ def examine(environment_only: bool = False) -> Iterator[Finding]:
     yield check_rendering()
     if environment_only:
         return
-    yield check_mpi()
-    yield check_space()
+    yield from _guard("MPI", check_mpi)
+    yield from _guard("disk", check_space)
     yield check_scratch()
-    yield check_locks()
+    yield from _guard("locks", check_locks)
     yield check_cache()
     yield check_kernels()
-    yield check_job()
-    yield from check_scheduler()
+    yield from _guard("Snakemake", check_job)
+    yield from _guard("SLURM", check_scheduler)
     yield check_umbridge()
     yield check_svzerodsolver()
     for program, purpose in EXTERNAL.items():
-        yield check_program(program, purpose)
+        yield from _guard(program, functools.partial(check_program, program, purpose))
+
+
+def _guard(what: str, check: Callable[[], Finding | Iterable[Finding]]) -> Iterator[Finding]:
+    """Make a check; one that finds no folder to work in has failed, and the other checks go on."""
+    try:
+        found = check()
+        yield from (found,) if isinstance(found, Finding) else found
+    except OSError as error:
+        place = f"{error.filename}: " if error.filename else ""
+        yield Finding(what, False, f"could not be checked ({place}{error.strerror or error})")
 
 
 def check_python() -> Finding:
