@@ -1,4 +1,4 @@
-"""The tree of the page: lowest FFR, readings along arteries, territories only where there is a map."""
+"""The tree of the page: readings along arteries, territories only where there is a map."""
 
 import json
 
@@ -43,12 +43,6 @@ def readings(tmp_path):
             rows.append(row | {"ffr": ffr, "ffr_low": ffr - 0.05, "ffr_high": ffr + 0.05})
     write_csv(tmp_path / "pressures.csv", pd.DataFrame(rows))
     return tree.Readings.read(Case, tmp_path / "tree.vtp", tmp_path / "pressures.csv")
-
-
-def test_the_lowest_ffr_of_the_tree_is_told_with_its_place(readings):
-    found = tree.lowest(readings)
-    assert (found["ffr"], found["ffr_low"], found["ffr_high"], found["below"]) == ("0.70", "0.65", "0.75", True)
-    assert found["where"] == "at the end of the LAD (diameter there 2.4 mm)"
 
 
 def test_a_wire_is_read_from_the_ostium_on(readings):

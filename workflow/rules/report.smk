@@ -43,6 +43,7 @@ rule report:
         tree=rules.case.output.tree_vtp,
         lv=rules.case.output.lv_vtu,
         pressures=rules.pressure_map.output.out_csv,
+        predicted=rules.pressure_map.output.predicted_csv,
         fit=rules.calibration.output.fit_csv,
         targets=rules.perfusion.output.out_json,
         summary=rules.posterior.output.summary,

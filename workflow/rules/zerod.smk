@@ -26,7 +26,7 @@ rule zerod_chunk:
 
 
 rule pressure_map:
-    """Compute the mean pressure and flow along the tree, over the posterior."""
+    """Compute mean pressure and flow along the tree, lowest FFR and pressure drops, over the posterior."""
     input:
         network_json=rules.calibration.output.hyperaemia_json,
         case_json=rules.case.output.case_json,
@@ -34,6 +34,7 @@ rule pressure_map:
         draws_csv=lambda wildcards: draws(lengths_of_campaign()),
     output:
         out_csv=report(results("zerod", "pressures.csv"), caption="../report/pressures.rst", category="Flow"),
+        predicted_csv=report(results("zerod", "predicted.csv"), caption="../report/predicted.rst", category="Summary"),
     log:
         log_of("zerod", "pressure_map.log"),
     params:

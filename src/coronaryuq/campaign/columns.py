@@ -146,6 +146,15 @@ PRESSURES: Columns = (
     ("ffr(_low|_high)?", "mean pressure over that of the aorta: median, 5 and 95 % quantile", "1"),
     ("flow(_low|_high)?", "mean flow: median, 5 and 95 % quantile", "mL/s"),
 )
+FOR_PHYSICIANS: Columns = (
+    ("quantity", "lowest FFR of an artery, or pressure drop over a lesion", "text"),
+    ("name", "artery or lesion", "text"),
+    ("artery", "artery in which it is read", "text"),
+    ("vessel", "vessel of the tree in which it is read", "text"),
+    ("arc", "where along that vessel", "cm"),
+    ("unit", "unit of the next three columns", "text"),
+    ("(low|median|high)", "5 % quantile, median and 95 % quantile over the posterior, by 0D", "see column unit"),
+)
 ROWS: Columns = (
     *ROW,
     ("(qoi_3d|qoi_0d|branch)", "3D quantity, 0D quantity, artery, for the label", "text"),

@@ -84,6 +84,11 @@ KINDS = (
         (*columns.RUN, *columns.OUTPUTS),
     ),
     Kind(r"zerod/pressures\.csv", "mean pressure and flow along the tree, over the posterior", columns.PRESSURES),
+    Kind(
+        r"zerod/predicted\.csv",
+        "lowest FFR of each artery and pressure drop over each lesion, over the posterior",
+        columns.FOR_PHYSICIANS,
+    ),
     Kind(r"runs/params(?:_coarse|_propagation)?\.csv", "inputs θ of runs (docs/reference/formats.md)", columns.THETA),
     Kind(r"runs/outputs_3d(?:_coarse)?\.csv", "3D quantities of the pilot", columns.OUTPUTS),
     Kind(r"runs/outputs_0d(?:_coarse|_propagation)?\.csv", "0D quantities", columns.OUTPUTS),

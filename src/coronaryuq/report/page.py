@@ -16,7 +16,7 @@ from coronaryuq.estimation.results import RowReport, read_estimates
 from coronaryuq.flow3d.mesh.description import MeshDescription, read_description
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.posterior.results import Summary, read_summary
-from coronaryuq.report import adoption, coarse_level, discrepancy, interval_targets, losses, methods, tree
+from coronaryuq.report import adoption, coarse_level, discrepancy, interval_targets, losses, methods, predicted, tree
 from coronaryuq.report.alt_texts import alternatives
 from coronaryuq.report.costs import costs
 from coronaryuq.report.embedding import data_url, figures_of_sections, unbroken
@@ -43,10 +43,10 @@ def write_report(
     Parameters
     ----------
     files
-        Paths of `case`, `tree`, `pressures`, `fit`, `summary`, `targets`, `failures`, `estimates`, `table`, `budget`
-        and `mesh`; also `lv` where the patient has a perfusion map, `mesh_study` if it was run, `losses_fit` and
-        `losses` if 3D runs taught the 0D model, `adoption` if effects are adopted, and `allocation` (of the last round)
-        if the campaign grew.
+        Paths of `case`, `tree`, `pressures`, `predicted`, `fit`, `summary`, `targets`, `failures`, `estimates`,
+        `table`, `budget` and `mesh`; also `lv` where the patient has a perfusion map, `mesh_study` if it was run,
+        `losses_fit` and `losses` if 3D runs taught the 0D model, `adoption` if effects are adopted, and `allocation`
+        (of the last round) if the campaign grew.
     figures
         PNG and SVG files, named as in `captions.CAPTIONS`.
     costs_of_jobs
@@ -66,7 +66,8 @@ def write_report(
     rows = estimates.rows
     notes, mesh = Notes(_names(case, rows)), MeshError(files["mesh"], files.get("mesh_study"))
     readings = tree.Readings.read(case, files["tree"], files["pressures"])
-    lowest = tree.lowest(readings)
+    asked = predicted.read_predicted(files["predicted"])
+    lowest = predicted.lowest(asked, readings)
     counts = _counts(failures, rows, estimates.settings["curve_nodes"])
     inputs = _input_names(case) | adoption.labels(files)
     lesions = [Lesion(stenosis, inputs, mesh, _beyond(stenosis, mesh_json)) for stenosis in case.stenoses]
@@ -81,6 +82,7 @@ def write_report(
         "counts": counts,
         "lesions": [lesion_card(lesion, rows) for lesion in lesions],
         "lowest": lowest,
+        "predicted": predicted.lines(asked, readings),
         "scene": tree.scene(readings, case, mesh_json.planes, files.get("lv")),
         "table": [
             line
@@ -108,7 +110,12 @@ def write_report(
         "bibtex": f"{methods.REFERENCES}\n{methods.software(estimates.provenance)}",
         "downloads": [
             {"name": name, "data": data_url(files[key], "text/csv")}
-            for name, key in (("estimates.csv", "table"), ("pressures.csv", "pressures"), ("calibration.csv", "fit"))
+            for name, key in (
+                ("estimates.csv", "table"),
+                ("predicted.csv", "predicted"),
+                ("pressures.csv", "pressures"),
+                ("calibration.csv", "fit"),
+            )
         ],
     }
     write_text(out, unbroken(discrepancy.environment().get_template("template.html").render(context)))

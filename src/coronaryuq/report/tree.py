@@ -1,4 +1,4 @@
-"""The coronary tree for the page: the lowest FFR, readings along every artery, and the scene that a reader can turn."""
+"""The coronary tree for the page: readings along every artery, and the scene that a reader can turn."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -48,22 +48,6 @@ class Readings:
         if of_vessel.empty:
             return {}
         return {name: np.interp(arc / vessel.length, of_vessel["position"], of_vessel[name]) for name in READINGS}
-
-
-def lowest(readings: Readings) -> dict:
-    """Return where in the coronary arteries the median of FFR is lowest, and its 90 % range there."""
-    coronary = [name for name in readings.table["vessel"] if readings.tree[name].branch != AORTA]
-    table = readings.table[readings.table["vessel"].isin(coronary)]
-    if table.empty:
-        return {}
-    row = table.loc[table["ffr"].idxmin()]
-    ends = {part.name for part in readings.tree.leaves()}
-    at_end = row["vessel"] in ends and row["position"] == 1
-    vessel = readings.tree[row["vessel"]]
-    where = f"{'at the end of the' if at_end else 'in the'} {readings.names[vessel.name]} (diameter there "
-    where += f"{20 * float(vessel.radius_at(row['position'] * vessel.length)):.1f} mm)"
-    values = {name: f"{row[name]:.2f}" for name in ("ffr_low", "ffr", "ffr_high")}
-    return {"where": where, "below": bool(row["ffr"] <= FFR_LIMIT), **values}
 
 
 def pullbacks(readings: Readings, outlets: Sequence[CaseOutlet]) -> list[dict]:

@@ -7,11 +7,12 @@ import pandas as pd
 
 from coronaryuq.case.anatomy.tree import placed_stenoses, read_tree
 from coronaryuq.case.case_json import read_case
-from coronaryuq.case.network.build import segments
+from coronaryuq.case.network.along_tree import vessels_along
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.records import OK
 from coronaryuq.zerod.network.read import read_network
+from coronaryuq.zerod.predicted import TreePressures, predictions
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import read_theta, theta_changes
 
@@ -22,9 +23,10 @@ SHARES = {"_low": 0.05, "": 0.5, "_high": 0.95}
 
 
 def write_map(
-    network_json: str | Path, case_json: str | Path, tree_vtp: str | Path, samples_csv: str | Path, out_csv: str | Path
-) -> None:
-    """Run a table of θ and write quantiles of pressure and flow along the tree.
+    network_json: str | Path, case_json: str | Path, tree_vtp: str | Path, samples_csv: str | Path,
+    out_csv: str | Path, predicted_csv: str | Path,
+) -> None:  # fmt: skip
+    """Run a table of θ and write quantiles of pressure and flow along the tree, and of what `predictions` returns.
 
     Columns: vessel (of the tree), position (0 at its start, 1 at its end), then median, 5 and 95 % quantiles (endings
     `_low`, `_high`) of pressure (mean, dyn/cm2), ffr (mean pressure over mean aortic pressure) and flow (mean, mL/s).
@@ -33,11 +35,12 @@ def write_map(
     network, case, tree = read_network(network_json), read_case(case_json), read_tree(tree_vtp)
     theta = read_theta(samples_csv, 0, len(read_csv(samples_csv)), network, network_json)
     inputs = {name: theta[name].to_numpy() for name in theta.columns if name != "sample"}
-    parts = segments(tree, placed_stenoses(case.stenoses))
+    parts = vessels_along(tree, placed_stenoses(case.stenoses), network, str(network_json))
     engine = Engine(network)
     ends = _ends(engine.unknowns)
     aorta = f"mean_pressure:{case.aorta.pressure}"
-    wanted = {place for part in parts for place in ends.get(part.name, ())}
+    blocks = list(dict.fromkeys([part.name for part in parts] + [s.segment for s in case.stenoses]))
+    wanted = {place for block in blocks for place in ends.get(block, ())}
     quantities = [f"mean_{kind}:{place}" for place in sorted(wanted) for kind in ("pressure", "flow")]
     result = engine.run_cycles(theta_changes(network, inputs), [aorta, *quantities])
     ok = result.status == OK
@@ -53,6 +56,12 @@ def write_map(
             for name, values in readings.items():
                 row |= {f"{name}{ending}": np.quantile(values, share) for ending, share in SHARES.items()}
             rows.append(row)
+    pressures = {
+        block: (value[f"mean_pressure:{ends[block][0]}"], value[f"mean_pressure:{ends[block][1]}"])
+        for block in blocks
+        if block in ends
+    }
+    write_csv(predicted_csv, predictions(case, TreePressures(tree, parts, pressures, value[aorta])))
     write_csv(out_csv, pd.DataFrame(rows))
 
 

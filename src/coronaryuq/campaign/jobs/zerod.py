@@ -26,13 +26,13 @@ def chunk(
 
 def pressures(
     network_json: str, case_json: str, tree_vtp: str, draws_csv: str, posterior: PosteriorSettings, seed: int,
-    lengths: Lengths, out_csv: str,
+    lengths: Lengths, out_csv: str, predicted_csv: str,
 ) -> None:  # fmt: skip
-    """Write quantiles of pressure and flow along the tree over the first samples of the propagation set."""
+    """Write quantiles of pressure, flow and FFR in the tree over the first samples of the propagation set."""
     with tempfile.TemporaryDirectory() as folder:
         samples = Path(folder, "samples.csv")
         draw_samples(draws_csv, posterior, seed, "propagation", pressure_map.STATES, samples, lengths)
-        pressure_map.write_map(network_json, case_json, tree_vtp, samples, out_csv)
+        pressure_map.write_map(network_json, case_json, tree_vtp, samples, out_csv, predicted_csv)
 
 
 def resampled(
