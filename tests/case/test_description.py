@@ -38,6 +38,14 @@ MISTAKES = {
     ),
     "missing outlets": ({"outlets": None}, "outlets: required field is missing"),
     "file absent": ({"outlets": "nowhere.csv"}, "nowhere.csv: no such file"),
+    "viscosity in Pa s": ({"viscosity": "0.0035"}, "; if 0.0035 is in Pa s, write 0.035"),
+    "viscosity in cP": ({"viscosity": "4"}, "; if 4 is in cP or mPa s, write 0.04"),
+    "period in ms": ({"period": "850"}, "; if 850 is in ms, write 0.85"),
+    "heart rate": ({"period": "75"}, "; if 75 is a heart rate per min, write 0.8"),
+    "density in SI": ({"density": "1060"}, "; if 1060 is in kg/m3, write 1.06"),
+    "haematocrit in %": ({"haematocrit": "45"}, "; if 45 is in %, write 0.45"),
+    "rise of flow": ({"hyperaemia": "4"}, "; if 4 is the factor by which flow rises, write 0.25"),
+    "folder for a file": ({"targets": "."}, "is a folder; name a file"),
     "viscosity of SI": ({"viscosity": "0.0035"}, "viscosity = 0.0035: input should be greater than or equal to 0.005"),
     "not a number": ({"period": "fast"}, "period = 'fast': input should be a valid number"),
     "infinite": ({"density": ".inf"}, "density = inf: input should be a finite number"),
@@ -121,6 +129,7 @@ def test_a_mistake_is_one_line_with_file_field_value_and_remedy(small_tree, tmp_
         ("a: &x [1]\nb: *x\n", "aliases (*name) are not supported"),
         ("name: !!python/object/apply:os.system ['true']\n", "not valid YAML"),
         ("\x00", "not UTF-8 text"),
+        ("name: a\nlumen:\n\tvoxel: 1\n", "case.yaml: line 3: has a tab; indent by blanks"),
     ],
 )
 def test_yaml_that_is_no_description_is_refused(tmp_path, text, expected):
@@ -174,6 +183,47 @@ def test_outlets_may_be_given_by_points_in_the_anatomys_unit(small_tree, tmp_pat
     far = (tmp_path / "outlets.csv").read_text().replace(f"{ends[0][0] + 0.05}", "9.0")
     (tmp_path / "outlets.csv").write_text(far)
     assert "the nearest end of the tree" in check_case(path)[0][0]
+
+
+def test_words_and_units_may_be_spelt_in_any_usual_way(small_tree, tmp_path):
+    path = write_case(
+        tmp_path, small_tree, perfusion="{file: lv.vtu, array: MBF, unit: ml/g/min, length_unit: Centimeters}"
+    )
+    rows = "lca1,lca1,left ventricle,lad\nlca2,lca2,lv,Cx\nrca1,rca1,LV,rca\n"
+    (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\n" + rows)
+    (tmp_path / "targets.csv").write_text("name,value,unit\nPaoMean,90,mm Hg\nAbsQin,70,cc\n")
+    findings, summary = check_case(path)
+    assert findings == []
+    text = "\n".join(summary)
+    assert "(3 LV)" in text and "2.00 mL/min/g" in text and "targets: PaoMean 90 mmHg, AbsQin 70 mL" in text
+
+
+@pytest.mark.parametrize("mark", ";\t")
+def test_targets_without_a_heading_may_have_decimal_commas(small_tree, tmp_path, mark):
+    path = write_case(tmp_path, small_tree)
+    rows = [("PaoMean", "Mean, of cuff", "90,5"), ("AbsQin", "Stroke volume", "70")]
+    (tmp_path / "targets.csv").write_text("".join(mark.join(row) + "\n" for row in rows))
+    assert "targets: PaoMean 90.5 mmHg, AbsQin 70 mL" in check_case(path)[1]
+
+
+def test_a_misspelt_end_is_offered(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree)
+    (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\na,LCA1,LV,LAD\n")
+    assert "vessel of a = 'LCA1': not an end of the tree; did you mean lca1?" in check_case(path)[0][0]
+
+
+@pytest.mark.parametrize(
+    ("branches", "noted"),
+    [("LAD LCx RCA", None), ("LAD LCx LAD", "lca1 and rca1"), ("LAD LCx LCx", "lca2 and rca1"), ("LAD LAD RCA", None)],
+)
+def test_a_branch_that_is_fed_from_two_ostia_is_noted(small_tree, tmp_path, branches, noted):
+    path = write_case(tmp_path, small_tree, stenoses="[]")
+    rows = [f"{v},{v},LV,{b}\n" for v, b in zip(("lca1", "lca2", "rca1"), branches.split(), strict=True)]
+    (tmp_path / "outlets.csv").write_text("name,vessel,perfuses,branch\n" + "".join(rows))
+    findings, summary = check_case(path)
+    told = [line for line in summary if "ostia" in line]
+    assert findings == [] and len(told) == (noted is not None)
+    assert noted is None or f"are fed from 2 ostia ({noted}); check their branch" in told[0]
 
 
 TARGETS = {

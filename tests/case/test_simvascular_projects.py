@@ -48,6 +48,32 @@ def test_a_group_may_be_named_as_another_path(project):
     assert notes == ("left out paths with fewer than two contours: LAD",)
 
 
+def test_a_contour_group_without_its_path_is_told_where_the_tree_falls_apart(project):
+    write_vessel(project, "D1", (3, 0, 3), (3, 4, 3), 0.15)
+    (project / "Paths" / "LAD.pth").unlink()
+    with pytest.raises(InputError, match="D1: path starts .*left out contour groups without a path in Paths: LAD"):
+        read_project(project, 1.0)
+
+
+def test_a_contour_group_without_its_path_is_noted(project):
+    write_contours(project, "D1", (3, 0, 3), (3, 4, 3), 0.15)
+    tree, notes = read_project(project, 1.0)
+    assert "D1" not in tree and notes == ("left out contour groups without a path in Paths: D1",)
+
+
+def test_an_empty_file_is_told(project):
+    (project / "Segmentations" / "LAD.ctgr").write_text("\n")
+    with pytest.raises(InputError, match="LAD.ctgr: is empty"):
+        read_project(project, 1.0)
+
+
+def test_capitals_of_folders_and_endings_do_not_matter(project):
+    (project / "Paths").rename(project / "paths")
+    (project / "paths" / "LAD.pth").rename(project / "paths" / "LAD.PTH")
+    tree, notes = read_project(project, 1.0)
+    assert {v.name for v in tree.leaves()} == {"aorta", "LAD"} and notes == ()
+
+
 def test_of_several_time_steps_the_first_is_taken_with_a_note(project):
     write_path(project, "LAD", (0, 0, 3), (5, 0, 3), times=3)
     write_contours(project, "LAD", (0, 0, 3), (5, 0, 3), 0.2, times=2)

@@ -99,7 +99,7 @@ def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty
     anatomy = description.anatomy
     if anatomy is not None:
         tree, notes = read_anatomy(path, description, anatomy, rows, settings)
-        tree, placed = place_outlets(path, description, tree, rows)
+        tree, placed = place_outlets(path, description, tree, rows, notes)
         stenoses, stenosis_notes = place_stenoses(path, description, tree, settings)
         notes += placed.notes + stenosis_notes
     if own_network is None:

@@ -3,9 +3,11 @@
 import difflib
 import errno
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+Word = TypeVar("Word", bound=str)
 
 REMEDIES = {
     errno.ENOSPC: "free some space there and run again",
@@ -57,6 +59,15 @@ def os_error_line(error: OSError) -> str | None:
     file = error.filename2 or error.filename
     where = "" if file is None else f"{os.fspath(file)}: "
     return " ".join(f"{where}{os.strerror(error.errno)}: {REMEDIES[error.errno]}".split())
+
+
+def meant(written: Any, known: Iterable[Word], others: Mapping[str, Word] | None = None) -> Word | None:
+    """Return the known word that a text means; capitals and blanks do not matter. None if there is none.
+
+    others: further words for a known one, in lower case without blanks.
+    """
+    plain = "".join(str(written).split()).lower()
+    return next((word for word in known if word.lower() == plain), (others or {}).get(plain))
 
 
 def nearest(name: Any, known: Iterable[str]) -> str:

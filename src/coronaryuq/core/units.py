@@ -4,6 +4,9 @@ Inside the package everything is CGS: cm, g, s, dyn/cm2, poise. Each constant is
 read, divide to report.
 """
 
+import re
+from collections.abc import Iterable
+
 MMHG = 1333.22
 """dyn/cm2 per mmHg, the value in svZeroDSolver's own cases."""
 
@@ -34,6 +37,51 @@ FLOWS = {"mL/s": 1.0, "cm3/s": 1.0, "mL/min": ML_PER_MIN, "L/min": L_PER_MIN}
 VOLUMES = {"mL": 1.0, "cm3": 1.0, "L": 1000.0}
 RATIOS = {"1": 1.0, "%": 0.01}
 RATES = {"1/min": 1.0, "bpm": 1.0, "1/s": 60.0, "Hz": 60.0}
+SPELLINGS = {"cc": "ml", "cm3": "ml", "dyne": "dyn", "dynes": "dyn", "beats": "1", "": "1"}
+SPELLINGS |= {
+    "millimetre": "mm",
+    "centimetre": "cm",
+    "metre": "m",
+    "millimeter": "mm",
+    "centimeter": "cm",
+    "meter": "m",
+}
+"""Spellings of one unit, in lower case."""
+
+
+def standard_unit(written: str, known: Iterable[str]) -> str | None:
+    """Return the known unit that a text means; None if there is none.
+
+    Capitals, blanks, brackets, and the order and notation of the divisors do not matter: `ml/100 g/min` and
+    `mL min^-1 (100 g)^-1` are `mL/min/100g`.
+
+    Parameters
+    ----------
+    written
+        The text.
+    known
+        Units that are allowed here.
+    """
+    if written in (known := tuple(known)):
+        return written
+    return next((unit for unit in known if _factors(unit) == _factors(written)), None)
+
+
+def _factors(unit: str) -> tuple[str, ...]:
+    """Return a unit's numerator and its sorted divisors, each spelt in one way."""
+    text = unit.lower().translate(str.maketrans("⁻¹²³", "-123"))
+    text = re.sub(r"(?<=\d)(?<!-1)\s+(?=[a-z])", "", text)
+    text = re.sub(r"\(([^()/]*)\)(?=\s*\^?-1)", lambda match: match[1].replace(" ", ""), text)
+    text = re.sub(r"[·*.\s]+([0-9]*[a-z]+)\s*\^?-1\b", r"/\1", text)
+    text = re.sub(r"/\s*\(([^()]*)\)", lambda match: "/" + re.sub(r"[\s·*.]+", "/", match[1].strip()), text)
+    text = re.sub(r"[\s^()]+", "", re.sub(r"\s+per\s+", "/", text))
+    numerator, *divisors = (_spelt(part) for part in text.split("/"))
+    return numerator, *sorted(divisors)
+
+
+def _spelt(part: str) -> str:
+    amount, name = re.fullmatch(r"(\d*(?=[a-z]))?(.*)", part, re.DOTALL).groups(default="")  # type: ignore[union-attr]
+    return amount + SPELLINGS.get(name, SPELLINGS.get(name.removesuffix("s"), name))
 
 
 def perfusions(tissue_density: float = TISSUE_DENSITY) -> dict[str, float]:

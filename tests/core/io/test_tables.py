@@ -96,3 +96,15 @@ def test_utf_16_without_its_mark_is_told_in_one_line(tmp_path):
     (tmp_path / "a.csv").write_bytes("a,b\n1,2\n".encode("utf-16-le"))
     with pytest.raises(InputError, match="not a text file; if it is UTF-16"):
         read_csv(tmp_path / "a.csv")
+
+
+def test_a_spreadsheet_an_empty_file_and_a_folder_are_told(tmp_path):
+    for name, content in (("sheet.csv", b"PK\x03\x04" + bytes(100)), ("empty.csv", b""), ("blank.csv", b"\n \n")):
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match="a spreadsheet .*save it as CSV"):
+        read_csv(tmp_path / "sheet.csv")
+    for name in ("empty.csv", "blank.csv"):
+        with pytest.raises(InputError, match=f"{name}: is empty; expected a heading and rows"):
+            read_csv(tmp_path / name)
+    with pytest.raises(InputError, match="is a folder; name a file"):
+        read_csv(tmp_path)

@@ -15,7 +15,7 @@ from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, branch_of
 from coronaryuq.case.description.fields import ARTERIES, Anatomy, Description, StenosisPlace
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import OutletRow
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, meant
 from coronaryuq.core.units import LENGTHS
 
 FARTHEST = 0.5
@@ -48,9 +48,12 @@ def read_anatomy(
 
 
 def place_outlets(
-    file: Path, description: Description, tree: Tree, rows: list[OutletRow]
+    file: Path, description: Description, tree: Tree, rows: list[OutletRow], known: Sequence[str] = ()
 ) -> tuple[Tree, PlacedOutlets]:
-    """Match outlets and systemic outlets to the tree's ends, and label every vessel with its branch."""
+    """Match outlets and systemic outlets to the tree's ends, and label every vessel with its branch.
+
+    known: notes of the anatomy's reader, one of which may say why a vessel is missing.
+    """
     table, scale = file.parent / description.outlets, LENGTHS[description.length_unit]
     ends = [v.name for v in tree.leaves()]
     vessels: dict[str, str] = {}
@@ -58,12 +61,12 @@ def place_outlets(
         taken = set(vessels.values())
         if row.vessel is not None:
             if row.vessel not in ends:
-                raise InputError(
-                    table,
-                    f"vessel of {row.name}",
-                    row.vessel,
-                    f"not an end of the tree; its ends are {', '.join(ends)}",
+                near = meant(row.vessel, ends)
+                remedy = (
+                    f"not an end of the tree; {f'did you mean {near}? ' if near else ''}its ends are {', '.join(ends)}"
                 )
+                reasons = [note for note in known if row.vessel in note.replace(",", " ").split()]
+                raise InputError(table, f"vessel of {row.name}", row.vessel, "; ".join([remedy, *reasons]))
             vessels[row.name] = row.vessel
         elif row.name in ends:
             vessels[row.name] = row.name
@@ -89,7 +92,25 @@ def place_outlets(
         )
     notes += _plausible_size(file, description.length_unit, [float(tree[v].radii[-1]) for v in vessels.values()])
     branches = {vessels[row.name]: row.branch for row in rows}
+    notes += _two_ostia(labelled(tree, branches), branches)
     return labelled(tree, branches), PlacedOutlets(rows, vessels, systemic, notes)
+
+
+def _two_ostia(tree: Tree, branches: Mapping[str, str]) -> tuple[str, ...]:
+    """Return a note for a branch whose outlets are fed from several ostia, one of them shared with another branch."""
+    fed = []
+    for vessel in tree:
+        if vessel.branch != AORTA and (vessel.parent is None or tree[vessel.parent].branch == AORTA):
+            fed.append([end.name for end in tree.subtree(vessel.name) if end.name in branches])
+    notes = []
+    for branch in dict.fromkeys(branches.values()):
+        parts = [[name for name in ends if branches[name] == branch] for ends in fed]
+        several = [part for part in parts if part]
+        mixed = any(part and len(part) < len(ends) for part, ends in zip(parts, fed, strict=True))
+        if len(several) > 1 and mixed:
+            ends = " and ".join(", ".join(part) for part in several)
+            notes.append(f"outlets of branch {branch} are fed from {len(several)} ostia ({ends}); check their branch")
+    return tuple(notes)
 
 
 def _check_aortic(table: Path, tree: Tree, ends: Sequence[str], widest: float) -> None:

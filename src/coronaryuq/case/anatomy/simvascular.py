@@ -1,7 +1,7 @@
 """SimVascular projects: paths (.pth) and contour groups (.ctgr) become a centreline tree."""
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,10 +43,10 @@ def read_project(folder: str | Path, scale: float, chosen: Sequence[str] = ()) -
     missing folder, a broken file and a path that touches no other.
     """
     folder = Path(folder)
-    paths, groups = list(visible(folder / "Paths", "*.pth")), list(visible(folder / "Segmentations", "*.ctgr"))
+    paths, groups = list(_files(folder, "Paths", ".pth")), list(_files(folder, "Segmentations", ".ctgr"))
     if not paths or not groups:
         raise InputError(folder, None, None, "expected Paths/*.pth and Segmentations/*.ctgr")
-    of_path, notes = _groups_of_paths(folder, [path.stem for path in paths], groups, chosen)
+    of_path, without_path, notes = _groups_of_paths(folder, [path.stem for path in paths], groups, chosen)
     contoured = {path.stem: _contoured(path, of_path.get(path.stem), notes) for path in paths}
     left_out = [name for name, contours in contoured.items() if contours is None]
     lines = [_line(c.name, c.points * scale, c.radii * scale) for c in contoured.values() if c is not None]
@@ -56,8 +56,18 @@ def read_project(folder: str | Path, scale: float, chosen: Sequence[str] = ()) -
         )
     if left_out:
         notes.append(f"left out paths with fewer than two contours: {', '.join(left_out)}")
-    trees, _ = join_lines(folder, lines, notes, complete=not left_out)
+    if without_path:
+        notes.append(f"left out contour groups without a path in Paths: {', '.join(without_path)}")
+    trees, _ = join_lines(folder, lines, notes, complete=not left_out and not without_path)
     return one_tree(folder, trees, notes), tuple(notes)
+
+
+def _files(folder: Path, inside: str, ending: str) -> Iterator[Path]:
+    """Yield the files of a project's folder; a copy from another system may have changed capitals."""
+    for child in sorted(folder.glob("*")):
+        if child.name.lower() != inside.lower():
+            continue
+        yield from (file for file in visible(child) if file.suffix.lower() == ending)
 
 
 def _line(name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
@@ -72,8 +82,8 @@ def _line(name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
 
 def _groups_of_paths(
     folder: Path, paths: Sequence[str], groups: Sequence[Path], chosen: Sequence[str]
-) -> tuple[dict[str, Path], list[str]]:
-    """Return the contour group of every path that has one, and notes.
+) -> tuple[dict[str, Path], list[str], list[str]]:
+    """Return the contour group of every path that has one, the groups without a path, and notes.
 
     A group names its path; one that names none, or none that there is, is of the path of its own name.
     """
@@ -82,9 +92,13 @@ def _groups_of_paths(
         if name not in stems:
             raise InputError(folder, "anatomy.groups", name, f"no such contour group; there are {', '.join(stems)}")
     candidates: dict[str, list[Path]] = {}
+    without_path = []
     for group in groups:
-        path = _path_name(group)
-        candidates.setdefault(path if path in paths else group.stem, []).append(group)
+        path = next((name for name in (_path_name(group), group.stem) if name in paths), None)
+        if path is None:
+            without_path.append(group.stem)
+        else:
+            candidates.setdefault(path, []).append(group)
     found, notes = {}, []
     for path, several in candidates.items():
         wanted = [group for group in several if group.stem in chosen] or several
@@ -97,7 +111,7 @@ def _groups_of_paths(
         if len(wanted) > 1:
             others = ", ".join(group.stem for group in wanted if group.stem != path)
             notes.append(f"path {path}: took the contour group of its own name, not {others} (anatomy.groups)")
-    return found, notes
+    return found, without_path, notes
 
 
 def _path_name(group: Path) -> str:
@@ -309,6 +323,8 @@ def _xml(path: Path) -> ElementTree.Element:
         text = read_text(path)
     except InputError:  # names in an old code page; coordinates are ASCII
         text = path.read_text(encoding="latin-1")
+    if not text.strip():
+        raise InputError(path, None, None, "is empty; save it again in SimVascular, or delete it")
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise InputError(path, None, None, "contains a document type definition, which SimVascular never writes")
     # SimVascular writes a `format` element before the root: two roots, which XML does not allow.

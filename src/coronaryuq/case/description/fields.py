@@ -1,18 +1,47 @@
 """The fields of `case.yaml`: a patient's files, their units, and blood and tissue properties."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from coronaryuq.case.case_json import AnatomyKind, Artery, Point
 from coronaryuq.case.description.lumen import CalcifiedStretch, LumenError
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.description.yaml_file import read_yaml, validated
 from coronaryuq.core.errors import InputError, nearest
-from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, FLOWS, LENGTHS, TISSUE_DENSITY, perfusions
+from coronaryuq.core.units import (
+    BLOOD_DENSITY,
+    BLOOD_VISCOSITY,
+    FLOWS,
+    LENGTHS,
+    TISSUE_DENSITY,
+    perfusions,
+    standard_unit,
+)
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,63}$")]
+
+
+def _unit(*known: str) -> Any:
+    """Return the type of a unit that may be spelt in any usual way."""
+
+    def spelt(written: Any) -> Any:
+        return standard_unit(written, known) or written if isinstance(written, str) else written
+
+    return Annotated[Literal[known], BeforeValidator(spelt)]
+
+
 if TYPE_CHECKING:
     # mypy knows no Literal whose values are computed.
     LengthUnit = str
@@ -20,14 +49,25 @@ if TYPE_CHECKING:
     FlowUnit = str
     TerritoryUnit = str
 else:
-    LengthUnit = Literal[tuple(LENGTHS)]
-    PerfusionUnit = Literal[tuple(perfusions())]
-    FlowUnit = Literal[tuple(FLOWS)]
-    TerritoryUnit = Literal[(*FLOWS, "fraction", *perfusions(), "volume")]
+    LengthUnit = _unit(*LENGTHS)
+    PerfusionUnit = _unit(*perfusions())
+    FlowUnit = _unit(*FLOWS)
+    TerritoryUnit = _unit(*FLOWS, "fraction", *perfusions(), "volume")
 
 
 KINDS: tuple[AnatomyKind, ...] = get_args(AnatomyKind)
 ARTERIES: tuple[Artery, ...] = get_args(Artery)
+
+
+OTHER_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
+    "period": {"in ms": lambda x: x / 1000, "a heart rate per min": lambda x: 60 / x},
+    "density": {"in kg/m3": lambda x: x / 1000},
+    "tissue_density": {"in kg/m3": lambda x: x / 1000},
+    "viscosity": {"in cP or mPa s": lambda x: x / 100, "in Pa s": lambda x: 10 * x},
+    "haematocrit": {"in %": lambda x: x / 100},
+    "hyperaemia": {"the factor by which flow rises": lambda x: 1 / x},
+}
+"""Other usual units of a field, and the conversion from them."""
 
 
 class _Model(BaseModel):
@@ -329,8 +369,24 @@ def _one_line(path: str | Path, errors: ValidationError) -> InputError:
         message = f"unknown field; {nearest(where[-1], fields)}known fields: {', '.join(fields)}"
     elif first["type"] == "missing":
         message = "required field is missing"
+    elif first["type"].startswith(("greater_than", "less_than")):
+        message += _in_other_units(field, value)
     others = ", ".join(dict.fromkeys(".".join(map(str, error["loc"])) or "the whole file" for error in faults[1:]))
     return InputError(path, field, value, message[0].lower() + message[1:] + (f" (also: {others})" if others else ""))
+
+
+def _in_other_units(field: str | None, value: Any) -> str:
+    """Return what a number out of range would be, were it in another usual unit, for a remedy."""
+    for unit, convert in OTHER_UNITS.get(field or "", {}).items():
+        info = Description.model_fields[str(field)]
+        try:
+            converted = convert(float(value))
+            kind: Any = Annotated[info.annotation, *info.metadata]
+            TypeAdapter(kind).validate_python(converted)
+        except (ValidationError, ZeroDivisionError):
+            continue
+        return f"; if {value} is {unit}, write {converted:g}"
+    return ""
 
 
 def _model_at(where: list[str]) -> type[BaseModel]:

@@ -155,6 +155,11 @@ def _read(path: str | Path, wanted: str, loader: Callable[..., _Loader]) -> dict
         raise InputError(path, None, f"{size} bytes", f"more than {LARGEST} bytes; expected a short text file")
     try:
         content = loader(read_text(path), path).get_single_data()
+    except yaml.scanner.ScannerError as error:
+        where = error.problem_mark
+        if where is not None and "'\\t'" in str(error.problem):
+            raise InputError(path, f"line {where.line + 1}", None, "has a tab; indent by blanks") from None
+        raise InputError(path, None, None, f"not valid YAML ({error})") from None
     except (yaml.YAMLError, RecursionError) as error:
         raise InputError(path, None, None, f"not valid YAML ({error})") from None
     except InputError:

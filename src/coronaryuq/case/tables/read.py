@@ -14,7 +14,7 @@ from coronaryuq.case.description.fields import TerritoryFlows
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.perfusion.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
 from coronaryuq.case.tables.targets import BY_NAME, check_targets
-from coronaryuq.core.errors import InputError, nearest
+from coronaryuq.core.errors import InputError, meant, nearest
 from coronaryuq.core.io.tables import line_number, read_csv, read_table_text
 from coronaryuq.core.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
 
@@ -22,6 +22,16 @@ Choice = TypeVar("Choice", bound=str)
 
 BRANCHES: tuple[Branch, ...] = get_args(Branch)
 TISSUES: tuple[Tissue, ...] = get_args(Tissue)
+OTHER_WORDS: dict[str, Any] = {
+    "leftventricle": "LV",
+    "rightventricle": "RV",
+    "septal": "septum",
+    "cx": "LCx",
+    "circumflex": "LCx",
+    "leftcircumflex": "LCx",
+    "leftanteriordescending": "LAD",
+    "rightcoronaryartery": "RCA",
+}
 MOST_OUTLETS = 500
 LARGEST_TABLE = 10_000_000
 """Maximum size of a table, bytes."""
@@ -70,9 +80,9 @@ def _outlet(path: Path, number: int, record: dict[str, Any]) -> OutletRow:
     cells = {column: str(value).strip() for column, value in record.items() if value is not None and str(value).strip()}
 
     def choice(column: str, allowed: tuple[Choice, ...]) -> Choice:
-        for value in allowed:
-            if cells.get(column) == value:
-                return value
+        value = meant(cells.get(column, ""), allowed, OTHER_WORDS)
+        if value in allowed:
+            return value
         raise InputError(path, f"row {number}, {column}", cells.get(column), f"allowed: {', '.join(allowed)}")
 
     name = cells.get("name")
@@ -240,7 +250,7 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
             wanted = ", ".join(header) if headed else "name, description, value; or a header with name and value"
             raise InputError(path, f"line {line_number(path, number - 2)}", separator.join(row), f"expected {wanted}")
         name, value = cells["name"], cells["value"]
-        value = value.replace(",", ".") if separator == ";" else value
+        value = value.replace(",", ".") if separator != "," else value
         if name in targets:
             raise InputError(path, name, value, "duplicate")
         targets[name] = cells.get("description") or None, _number(path, name, value), cells.get("unit") or None
@@ -283,7 +293,7 @@ def _numbers(path: Path, frame, column: str) -> np.ndarray:
 
 def _check_size(path: Path) -> None:
     if not path.is_file():
-        raise InputError(path, None, None, "no such file")
+        raise InputError(path, None, None, "is a folder; name a file" if path.is_dir() else "no such file")
     if path.stat().st_size > LARGEST_TABLE:
         raise InputError(
             path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST_TABLE} bytes; expected a table"

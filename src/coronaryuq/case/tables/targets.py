@@ -6,7 +6,7 @@ from pathlib import Path
 
 from coronaryuq.case.case_json import TargetValue
 from coronaryuq.core.errors import InputError, nearest
-from coronaryuq.core.units import FLOWS, PRESSURES, RATES, RATIOS, VOLUMES
+from coronaryuq.core.units import FLOWS, PRESSURES, RATES, RATIOS, VOLUMES, standard_unit
 
 
 @dataclass(frozen=True)
@@ -114,9 +114,10 @@ def check_targets(targets: Mapping[str, TargetValue], file: str | Path) -> dict[
 
 def _factor(target: Target, unit: str | None, file: str | Path) -> float:
     """Return the factor from `unit` to the target's own unit."""
-    if unit is None or unit == target.unit:
+    if unit is None:
         return 1.0
     table = next(table for table in (PRESSURES, VOLUMES, RATIOS, FLOWS, RATES) if target.unit in table)
-    if unit not in table:
+    known = standard_unit(unit, table)
+    if known is None:
         raise InputError(file, f"{target.name}.unit", unit, f"expected one of {', '.join(table)}")
-    return table[unit] / table[target.unit]
+    return table[known] / table[target.unit]

@@ -21,7 +21,7 @@ GAPS = ("", "NA", "N/A", "n/a", "#N/A", "NaN", "nan", "-NaN", "-nan", "NULL", "n
 """Contents of a cell that mean a missing number."""
 NAMES = ("name", "vessel", "parent", "bc", "outlet", "label", "location", "place", "branch", "artery", "row", "sample")
 """Columns of names in every table, which may look like numbers or gaps: `001`, `1e3`, `NA`."""
-DECIMAL_COMMA = re.compile(r"(?:^|;)\s*[-+]?\d*,\d+\s*(?:;|$)", re.MULTILINE)
+DECIMAL_COMMA = re.compile(r"(?:^|[;\t])\s*[-+]?\d*,\d+\s*(?:[;\t]|$)", re.MULTILINE)
 BLOCK = 1 << 20
 """Bytes read at a time."""
 
@@ -38,7 +38,7 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     Parameters
     ----------
     path
-        The file. Decimal commas are understood where semicolons separate the cells.
+        The file. Decimal commas are understood where semicolons or tabs separate the cells.
     columns
         Required columns.
     words
@@ -52,7 +52,7 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     import pandas as pd
 
     separator = _separator(path)
-    comma = separator == ";" and any(DECIMAL_COMMA.search(line) for _, line in _table_lines(path))
+    comma = separator != "," and any(DECIMAL_COMMA.search(line) for _, line in _table_lines(path))
     try:
         layout: dict[str, Any] = {
             "sep": separator,
@@ -67,6 +67,10 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
         layout |= {"keep_default_na": False, "na_values": {name: list(GAPS) for name in heading if name not in kept}}
         layout["na_values"] |= blank
         frame = pd.read_csv(TableText(path), dtype=kept, **layout)
+    except InputError:
+        raise
+    except pd.errors.EmptyDataError:
+        raise InputError(path, None, None, "is empty; expected a heading and rows") from None
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise InputError(path, None, None, f"not a readable CSV file ({reason})") from None
@@ -119,6 +123,9 @@ def _table_lines(path: str | Path) -> Iterator[tuple[int, str]]:
 
 def _separator(path: str | Path) -> str:
     first = next((line for _, line in _written_lines(path) if line.strip()), "")
+    for mark in ";\t":  # without a heading, the first comma may belong to a number
+        if mark in first and DECIMAL_COMMA.search(first):
+            return mark
     return next((mark for mark in ",;\t" if mark in first), ",")
 
 
@@ -145,10 +152,14 @@ def _encoding(path: str | Path) -> str:
             decoder.decode(b"", final=True)
     except FileNotFoundError:
         raise InputError(path, None, None, "no such file") from None
+    except IsADirectoryError:
+        raise InputError(path, None, None, "is a folder; name a file") from None
     except OSError as error:
         raise InputError(path, None, None, f"cannot be read ({error.strerror})") from None
     except UnicodeDecodeError:
         encoding = "cp1252"
+    if start == b"PK":
+        raise InputError(path, None, None, "a spreadsheet (xlsx or ods), not a text file; save it as CSV")
     if encoding != "utf-16" and b"\0" in start:
         raise InputError(path, None, None, "not a text file; if it is UTF-16, save it in the encoding UTF-8")
     return encoding

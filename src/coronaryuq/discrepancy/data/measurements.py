@@ -171,19 +171,8 @@ def read_table(path: str | Path) -> pd.DataFrame:
         complete = numbers.notna().equals(frame[column].notna())
         frame[column] = numbers if complete else numbers.combine_first(frame[column])
     pairs = zip(frame["unit"], frame["quantity"], strict=True)
-    frame["unit"] = [_standard_unit(unit, UNITS.get(quantity, {})) for unit, quantity in pairs]
+    frame["unit"] = [units.standard_unit(unit, UNITS.get(quantity, {})) or unit for unit, quantity in pairs]
     return frame
-
-
-def _standard_unit(unit: str, known: dict[str, float]) -> str:
-    """Return the standard spelling of a unit, ignoring case, blanks, carets and the missing unit of a ratio."""
-
-    def plain(text: str) -> str:
-        return text.lower().replace(" ", "").replace("^", "").replace("·", "").replace("dyne", "dyn")
-
-    if not unit and "1" in known:
-        return "1"
-    return next((name for name in known if plain(name) == plain(unit)), unit)
 
 
 def _check_row(
