@@ -188,3 +188,9 @@ def test_a_file_without_radii_says_what_it_has(small_tree, tmp_path):
     polydata([route(small_tree, "lca1")], "Thickness").save(tmp_path / "a.vtp")
     with pytest.raises(InputError, match="Radius: point data missing; the file has Thickness"):
         read_centrelines(tmp_path / "a.vtp")
+
+
+def test_a_table_of_points_without_rows_is_told(tmp_path):
+    (tmp_path / "tree.csv").write_text("name,x,y,z,radius\n")
+    with pytest.raises(InputError, match="tree.csv: rows = 0: expected points of one vessel or more"):
+        read_centrelines(tmp_path / "tree.csv", 1.0)

@@ -2,12 +2,19 @@
 
 import re
 import textwrap
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import pyvista as pv
 
+from coronaryuq.case.anatomy.tree import Tree
+from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.description.fields import read_description, schema
 from coronaryuq.case.description.reference import reference
+from coronaryuq.case.perfusion.outlet_checks import outlet_notes
+from coronaryuq.case.perfusion.perfusion_map import Wall
 from coronaryuq.case.tables.read import read_case_targets, read_outlets
 from support.case_files import check_case, write_case
 
@@ -204,6 +211,36 @@ def test_targets_without_a_heading_may_have_decimal_commas(small_tree, tmp_path,
     rows = [("PaoMean", "Mean, of cuff", "90,5"), ("AbsQin", "Stroke volume", "70")]
     (tmp_path / "targets.csv").write_text("".join(mark.join(row) + "\n" for row in rows))
     assert "targets: PaoMean 90.5 mmHg, AbsQin 70 mL" in check_case(path)[1]
+
+
+def test_an_outlet_with_an_empty_territory_or_too_large_a_flow_is_noted(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree, perfusion=None, territory_flows="{file: flows.csv, unit: mL/min}")
+    (tmp_path / "flows.csv").write_text("name,flow\nlca1,90\nlca2,60\nrca1,40\n")
+    assert not [line for line in check_case(path)[1] if "outlet lca1" in line]
+    (tmp_path / "flows.csv").write_text("name,flow\nlca1,900\nlca2,60\nrca1,40\n")
+    radius = float(small_tree["lca1"].radii[-1])
+    (told,) = (line for line in check_case(path)[1] if "outlet lca" in line)
+    assert f"is a mean velocity of {15 / (np.pi * radius**2):.0f} cm/s; check flow, unit and calibre" in told
+
+
+def test_an_outlet_far_from_the_wall_has_an_empty_territory(small_tree):
+    feeding = [outlet(name, (x, 0.0, 0.0)) for name, x in (("near", 0.0), ("far", 9.0))]
+    grid = pv.ImageData(dimensions=(3, 3, 3), spacing=(0.5,) * 3).cast_to_unstructured_grid()
+    grid.cell_data["Volume"], grid.cell_data["MBF"] = np.full(8, 0.125), np.full(8, 2 / 60)
+    (told,) = outlet_notes(Wall(grid, ()), feeding, 1.05)
+    assert told.startswith("outlet far: its territory is empty")
+
+
+def outlet(name, point):
+    return CaseOutlet(
+        name=name, label=name, bc=name, vessel=name, block=name, perfuses="LV", branch="LAD", point=point, radius=0.1
+    )
+
+
+def test_a_radius_that_no_coronary_artery_has_is_refused(small_tree, tmp_path):
+    wide = replace(small_tree["lca1"], radii=np.where(np.arange(len(small_tree["lca1"].radii)) == 5, 3.0, 0.12))
+    tree = Tree(wide if vessel.name == "lca1" else vessel for vessel in small_tree)
+    assert "lca1 has a radius of 3 cm at" in check_case(write_case(tmp_path, tree))[0][0]
 
 
 def test_a_misspelt_end_is_offered(small_tree, tmp_path):

@@ -61,6 +61,18 @@ def test_a_contour_group_without_its_path_is_noted(project):
     assert "D1" not in tree and notes == ("left out contour groups without a path in Paths: D1",)
 
 
+def test_a_bypass_graft_is_refused_by_name(project):
+    write_vessel(project, "GRAFT", (0, 0, 5), (4, 0, 3), 0.2)
+    with pytest.raises(InputError, match="GRAFT: ends inside LAD: bypass grafts and other loops cannot be modelled"):
+        read_project(project, 1.0)
+
+
+def test_a_path_that_runs_backwards_is_told(project):
+    write_vessel(project, "D1", (3, 4, 3), (3, 0, 3), 0.15)
+    with pytest.raises(InputError, match="D1: path starts .*it ends on another path: does it run backwards"):
+        read_project(project, 1.0)
+
+
 def test_an_empty_file_is_told(project):
     (project / "Segmentations" / "LAD.ctgr").write_text("\n")
     with pytest.raises(InputError, match="LAD.ctgr: is empty"):

@@ -29,6 +29,7 @@ from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.schematic import radius_from_inertance, schematic_tree
 from coronaryuq.case.network.topology import CORONARY, SYSTEMIC, Topology, closed_loop_tree
 from coronaryuq.case.network.units import to_cgs
+from coronaryuq.case.perfusion.outlet_checks import outlet_notes
 from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
 from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.case.settings import Settings, Uncertainty
@@ -128,6 +129,7 @@ def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty
         lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}
         flows = read_territory_flows(path, description.territory_flows, lv, description.tissue_density)
         wall = wall_of_territories(outlets, flows, description.tissue_density)
+    notes += outlet_notes(wall, outlets, description.tissue_density)
     summary = CaseSummary(
         name=description.name,
         description=description.description,

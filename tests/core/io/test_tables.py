@@ -108,3 +108,14 @@ def test_a_spreadsheet_an_empty_file_and_a_folder_are_told(tmp_path):
             read_csv(tmp_path / name)
     with pytest.raises(InputError, match="is a folder; name a file"):
         read_csv(tmp_path)
+
+
+def test_headings_may_be_capitals_and_one_with_a_unit_is_offered(tmp_path):
+    (tmp_path / "a.csv").write_text("Name, X ,Flow\na,1,2\n")
+    assert list(read_csv(tmp_path / "a.csv", ("name", "flow")).columns) == ["name", "x", "flow"]
+    (tmp_path / "a.csv").write_text("name,flow (mL/min)\na,1\n")
+    with pytest.raises(InputError, match="flow: column missing; .*rename 'flow .mL/min.' to flow"):
+        read_csv(tmp_path / "a.csv", ("name", "flow"))
+    (tmp_path / "a.csv").write_text("Name,name,Flow\na,b,2\n")
+    with pytest.raises(InputError, match="flow: column missing"):
+        read_csv(tmp_path / "a.csv", ("name", "flow"))

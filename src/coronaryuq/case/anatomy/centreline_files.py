@@ -116,6 +116,8 @@ def _of_table(path: Path, scale: float, notes: list[str]) -> Tree:
         if wrong.any():
             row, wanted = int(np.argmax(wrong)), "a positive number" if column == "radius" else "a number"
             raise InputError(path, column, str(given.iloc[row]), f"line {line_number(path, row)}: expected {wanted}")
+    if table.empty:
+        raise InputError(path, "rows", 0, "expected points of one vessel or more")
     lines = []
     for name, rows in table.groupby("name", sort=False):
         if len(rows) < 2:

@@ -20,6 +20,8 @@ from coronaryuq.core.units import LENGTHS
 
 FARTHEST = 0.5
 """cm: largest distance of an outlet's or stenosis's point from the tree, or twice the local radius if that is more."""
+WIDEST = 2.5
+"""cm: a radius that no coronary aneurysm reaches; those of 2 cm across are called giant."""
 WIDEST_END, THINNEST_END = 0.4, 0.02
 """cm: plausible median radius of the coronary ends. Wider ones do not exist, thinner ones are not visible in CT."""
 
@@ -92,8 +94,20 @@ def place_outlets(
         )
     notes += _plausible_size(file, description.length_unit, [float(tree[v].radii[-1]) for v in vessels.values()])
     branches = {vessels[row.name]: row.branch for row in rows}
-    notes += _two_ostia(labelled(tree, branches), branches)
-    return labelled(tree, branches), PlacedOutlets(rows, vessels, systemic, notes)
+    tree = labelled(tree, branches)
+    _check_widest(file, tree)
+    notes += _two_ostia(tree, branches)
+    return tree, PlacedOutlets(rows, vessels, systemic, notes)
+
+
+def _check_widest(file: Path, tree: Tree) -> None:
+    """Raise InputError for a coronary artery that is wider anywhere than the largest aneurysms."""
+    for vessel in tree:
+        widest = float(vessel.radii.max())
+        if vessel.branch != AORTA and widest > WIDEST:
+            place = float(vessel.arc[int(np.argmax(vessel.radii))])
+            found = f"{vessel.name} has a radius of {widest:.3g} cm at {place:.2g} cm along it"
+            raise InputError(file, "anatomy", None, f"{found}; no coronary artery is that wide: check that point")
 
 
 def _two_ostia(tree: Tree, branches: Mapping[str, str]) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """SimVascular projects: paths (.pth) and contour groups (.ctgr) become a centreline tree."""
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,8 @@ AT_END = 0.1
 """Radii from the end of a line, within which others that start there are its continuation."""
 ATTACH = 1.5
 """A path branches off another if it starts within this many radii of it."""
+INSIDE, FREE = 0.5, 3.0
+"""A line longer than `FREE` radii that ends within `INSIDE` radii of another's axis runs into it."""
 SEPARATE, MOST_TREES = 1.0, 3
 """cm between trees that have nothing to do with one another (nearer ones ought to touch), and their largest number:
 left, right, and a circumflex or conus artery with an ostium of its own."""
@@ -158,16 +160,46 @@ def join_lines(
         attempts = [_attached(first, group) for first in group]
         reached, origins, worst, (line, other) = min(attempts, key=lambda attempt: attempt[2])
         if worst > ATTACH:
-            raise _gap(folder, line, worst, other, notes)
+            raise _gap(folder, line, worst, other, notes, group)
+        _refuse_loops(folder, reached, origins)
         vessels, parts = _cut(reached, origins, taken)
         trees.append(vessels)
         line_of |= parts
     return trees, line_of
 
 
-def _gap(folder: Path, line: str, radii: float, other: str, notes: Sequence[str]) -> InputError:
+def _refuse_loops(folder: Path, lines: Sequence[Vessel], origins: Mapping[str, tuple[str, float]]) -> None:
+    """Raise InputError for a line that ends inside another one, as a bypass graft does."""
+    for line in lines:
+        for other in lines:
+            parent, _ = origins.get(line.name, ("", 0.0))
+            if other is line or other.name == parent:
+                continue
+            arc, distance = project(other, line.points[-1])
+            radius = float(other.radius_at(arc))
+            starts_there = origins.get(other.name, ("", 0.0))[0] == line.name and arc < line.radii[-1] + radius
+            if distance < INSIDE * radius and line.length > FREE * radius and not starts_there:
+                remedy = f"ends inside {other.name}: bypass grafts and other loops cannot be modelled; leave it out"
+                raise InputError(folder, line.name, None, remedy)
+
+
+def _gap(
+    folder: Path, line: str, radii: float, other: str, notes: Sequence[str], lines: Sequence[Vessel]
+) -> InputError:
     remedy = f"path starts {radii:.1f} radii from {other}, the nearest; expected at most {ATTACH} (paths must overlap)"
+    backwards = [v.name for v in lines if v.name == line and _end_touches(v, lines)]
+    if backwards:
+        remedy += "; it ends on another path: does it run backwards?"
     return InputError(folder, line, None, "; ".join([remedy, *notes]))
+
+
+def _end_touches(line: Vessel, lines: Sequence[Vessel]) -> bool:
+    """Whether a line ends within `ATTACH` radii of another one."""
+    for other in lines:
+        arc, distance = project(other, line.points[-1])
+        if other is not line and distance <= ATTACH * float(other.radius_at(arc)):
+            return True
+    return False
 
 
 def _groups(lines: list[Vessel]) -> list[list[Vessel]]:
@@ -200,7 +232,7 @@ def _check_separate(folder: Path, groups: list[list[Vessel]], notes: Sequence[st
             (*_away(line, other), line.name, other.name) for line in group for other in others
         )
         if not complete or with_aorta or len(groups) > MOST_TREES or distance < SEPARATE:
-            raise _gap(folder, line, radii, other, notes)
+            raise _gap(folder, line, radii, other, notes, [line for group in groups for line in group])
 
 
 def _attached(first: Vessel, lines: list[Vessel]) -> tuple[list[Vessel], dict[str, tuple[str, float]], float, tuple]:

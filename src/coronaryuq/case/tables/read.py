@@ -138,7 +138,8 @@ def read_territory_flows(
         flow = values * FLOWS[flows.unit]
     elif flows.unit == "fraction":
         if abs(values.sum() - 1) > 0.02:
-            raise InputError(path, "flow", float(values.sum()), "fractions must add up to 1")
+            remedy = "fractions must add up to 1" + ("; give fractions, not per cent" if values.sum() > 50 else "")
+            raise InputError(path, "flow", float(values.sum()), remedy)
         flow = values
     elif flows.unit == "volume":
         flow = values

@@ -40,7 +40,7 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     path
         The file. Decimal commas are understood where semicolons or tabs separate the cells.
     columns
-        Required columns.
+        Required columns. If one is missing, all headings are taken in lower case and without blanks around them.
     words
         Further columns of text than `NAMES`, in lower case: there `01` is not a number and `NA` not a gap.
 
@@ -212,7 +212,14 @@ def _check_heading(path: str | Path, heading: list[str]) -> None:
 
 
 def _with_columns(path: str | Path, frame: "pd.DataFrame", columns: tuple[str, ...]) -> "pd.DataFrame":
+    if not set(columns) <= set(frame.columns):
+        plain = [str(column).strip().lower() for column in frame.columns]
+        if set(columns) <= set(plain) and len(set(plain)) == len(plain):
+            return frame.set_axis(plain, axis=1)
     for column in columns:
         if column not in frame.columns:
-            raise InputError(path, column, None, f"column missing; the file has {', '.join(map(str, frame.columns))}")
+            near = next((c for c in map(str, frame.columns) if re.match(rf"{re.escape(column)}\W", c, re.I)), None)
+            remedy = f"; rename {near!r} to {column}, in the unit asked for" if near else ""
+            has = ", ".join(map(str, frame.columns))
+            raise InputError(path, column, None, f"column missing; the file has {has}{remedy}")
     return frame
