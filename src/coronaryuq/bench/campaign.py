@@ -35,8 +35,8 @@ def run(quick: bool, config: str | None = None) -> dict:
     name = _name(configuration)
     with tempfile.TemporaryDirectory(prefix="campaign-") as folder:
         target = ["--", f"results/{name}/{QUICK_TARGET}"] if quick else []
-        planned = _snakemake(configuration, folder, "--dry-run")
-        done = _snakemake(configuration, folder, *target)
+        planned = snakemake(configuration, folder, "--dry-run")
+        done = snakemake(configuration, folder, *target)
         intervals = _intervals(Path(folder))
         files = sum(len(names) for _, _, names in os.walk(Path(folder, "results")))
     return {
@@ -56,13 +56,16 @@ def _name(configuration: Path) -> str:
 
 
 @dataclass(frozen=True)
-class _Run:
+class Finished:
+    """A run of Snakemake: what it printed, and its times."""
+
     output: str
     wall_s: float
     cpu_s: float
 
 
-def _snakemake(configuration: Path, folder: str, *arguments: str) -> _Run:
+def snakemake(configuration: Path, folder: str, *arguments: str) -> Finished:
+    """Run Snakemake on a configuration in a folder; `RuntimeError` with its last lines if it fails."""
     command = [
         sys.executable, "-m", "snakemake", "--snakefile", str(shipped.snakefile()), "--directory", folder,
         "--configfile", str(configuration.resolve()), *arguments,
@@ -78,7 +81,7 @@ def _snakemake(configuration: Path, folder: str, *arguments: str) -> _Run:
     if process.returncode:
         raise RuntimeError(f"snakemake ended with code {process.returncode}: {''.join(lines[-20:])}")
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return _Run("".join(lines), time.perf_counter() - started, cpu)
+    return Finished("".join(lines), time.perf_counter() - started, cpu)
 
 
 def _jobs(output: str) -> int:

@@ -64,6 +64,14 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
         ("coronaryuq bench discrepancy --quick --seeds 1", "one hidden case per cell"),
         ("coronaryuq bench discrepancy --quick --rivals", "the same cases, answered by other methods"),
     ],
+    "bench endtoend": [
+        ("coronaryuq bench endtoend --quick", "the truth of one patient, with 0D beside it: less than a minute"),
+        (
+            "coronaryuq bench endtoend --patients 100 --resume patients.jsonl",
+            "some ten minutes a patient; goes on if killed",
+        ),
+        ("coronaryuq bench endtoend --patients 1 --noise 0", "the data are the truth"),
+    ],
     "bench campaign": [("coronaryuq bench campaign --quick", "up to the perfusion targets")],
     "solve": [(f"coronaryuq solve {LOOP} flows.csv", "the tuned loop of a campaign, as svZeroDSolver's table")],
     "tune": [

@@ -28,6 +28,7 @@ BENCHMARKS = {
     "coverage": ("estimation.coverage", "coverage of the confidence intervals over repeated trials"),
     "models": ("estimation.models", "error of the estimators beside that of linear combinations of several 0D outputs"),
     "discrepancy": ("discrepancy.benchmark", "how often the search finds hidden effects"),
+    "endtoend": ("endtoend.benchmark", "whole campaigns on synthetic patients, scored against their true FFR"),
     "campaign": ("campaign", "a campaign's planning time, overhead and number of files"),
 }
 """Benchmark → module within `coronaryuq.bench`, with a function `run` and, if it has options, `add_arguments`."""

@@ -17,6 +17,8 @@ LIKELY = 0.9
 """Probability, over its whole interval, above which the page states a verdict."""
 ADVISED_MM = (10, 20)
 """Distance beyond a lesion at which experts advise to read FFR from CT."""
+SHOWN = ("0.05", "0.25", "0.50", "0.75", "0.95")
+"""Quantiles of FFR on the card."""
 SCALE = (0.5, 1.0)
 """Ends of the scale of FFR, unless a value lies below."""
 
@@ -117,8 +119,8 @@ def _patient(quantiles: Mapping[str, Value]) -> dict:
 
 
 def _rare(quantiles: Mapping[str, Value]) -> str:
-    """Return the warning of the outermost quantiles of FFR over the posterior that rest on few runs."""
-    warned = [end for end in sorted(quantiles, key=float) if quantiles[end].warning]
+    """Return the warning of the shown quantiles of FFR over the posterior that rest on few runs."""
+    warned = [share for share in SHOWN if share in quantiles and quantiles[share].warning]
     if not warned:
         return ""
     warning = quantiles[warned[0]].warning

@@ -1,10 +1,11 @@
-"""The bundled patient's vessels: a right-dominant coronary tree on an ellipsoidal heart, drawn from a seed.
+"""Vessels of synthetic patients: a coronary tree on an ellipsoidal heart, drawn from a seed.
 
 Courses follow the grooves and walls that the arteries are named after. Calibres follow the flow of a vessel, r ~
 Q^(1/k) with k = 2.7 at bifurcations (Murray 1926; Kassab 2007 measured 2.3 to 2.7 in coronary trees), where the flow of
 an outlet is in proportion to the left ventricular wall nearest to it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,14 +14,15 @@ from scipy.spatial import cKDTree
 
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel
 from coronaryuq.core import seeds
+from coronaryuq.synthetic.arteries import BUNDLED, PATTERNS, Artery, Lesion, Pattern
 from coronaryuq.synthetic.ventricle import Ventricle
 
 SEED = 2024
 """Seed of the bundled patient."""
 EXPONENT = 2.7
 """Exponent k of Murray's law, r_parent^k = Σ r_child^k."""
-LEFT_MAIN_RADIUS, RIGHT_OSTIUM_RADIUS = 0.215, 0.19
-"""cm; CT normals are 4.0 to 4.5 mm and 3.5 to 4.0 mm in diameter (Dodge et al. 1992)."""
+CLEAR = 0.1
+"""cm between a stenosis and the next bifurcation, at least."""
 TAPER = 0.93
 """End radius over start radius of a vessel between bifurcations; outlets taper more, see OUTLET_TAPER."""
 OUTLET_TAPER = 0.85
@@ -49,63 +51,6 @@ def _body_axes() -> np.ndarray:
 
 HEART_TO_PATIENT = _body_axes()
 """The apex points left, forwards and down; the lateral wall left and backwards; the anterior wall forwards and up."""
-
-
-@dataclass(frozen=True)
-class Artery:
-    """An artery as anatomists draw it, from its origin to its end, without its side branches.
-
-    course: control points (φ in degrees, s, depth); depth 0 is the epicardium, a positive one inside the left
-    ventricular wall. origin: name of the artery from which it branches. origin_point: place of the branching, as a
-    fractional index of the origin's control points. share: fraction of the coronary flow; 0 if it follows from the left
-    ventricular territory.
-    """
-
-    name: str
-    branch: str
-    perfuses: str
-    origin: str
-    origin_point: float
-    course: tuple[tuple[float, float, float], ...]
-    share: float = 0.0
-
-
-ARTERIES = (
-    Artery("LAD", "LAD", "LV", AORTA, 0, (
-        (108, 0.00, 0), (117, 0.10, 0), (120, 0.22, 0), (121, 0.36, 0), (120, 0.48, 0), (120, 0.57, 0), (122, 0.64, 0),
-        (127, 0.72, 0))),
-    Artery("LCx", "LCx", "LV", "LAD", 0.0, (
-        (92, -0.015, 0), (76, 0.00, 0), (56, 0.01, 0), (36, 0.015, 0), (16, 0.02, 0), (-6, 0.03, 0), (-24, 0.06, 0),
-        (-38, 0.09, 0), (-46, 0.14, 0))),
-    Artery("D1", "LAD", "LV", "LAD", 1.6, (
-        (108, 0.20, 0), (100, 0.24, 0), (94, 0.29, 0), (90, 0.34, 0), (88, 0.40, 0))),
-    Artery("D1b", "LAD", "LV", "D1", 0.5, ((96, 0.20, 0), (86, 0.23, 0), (76, 0.29, 0), (69, 0.36, 0))),
-    Artery("S1", "LAD", "septum", "LAD", 2.1, ((130, 0.27, 0.25), (142, 0.33, 0.42), (156, 0.40, 0.45)), 0.04),
-    Artery("D2", "LAD", "LV", "LAD", 3.0, ((109, 0.40, 0), (101, 0.46, 0), (95, 0.52, 0), (89, 0.57, 0))),
-    Artery("S2", "LAD", "septum", "LAD", 3.7, ((131, 0.51, 0.25), (145, 0.57, 0.42), (158, 0.63, 0.45)), 0.03),
-    Artery("D3", "LAD", "LV", "LAD", 4.9, ((108, 0.595, 0), (90, 0.64, 0), (68, 0.68, 0))),
-    Artery("OM1", "LCx", "LV", "LCx", 2.15, (
-        (48, 0.10, 0), (44, 0.19, 0), (42, 0.26, 0), (41, 0.33, 0), (41, 0.40, 0))),
-    Artery("OM2", "LCx", "LV", "LCx", 3.9, ((13, 0.10, 0), (10, 0.19, 0), (14, 0.24, 0), (20, 0.29, 0))),
-    Artery("OM2b", "LCx", "LV", "OM2", 0.6, ((3, 0.21, 0), (-4, 0.32, 0), (-3, 0.45, 0), (1, 0.57, 0))),
-    Artery("OM3", "LCx", "LV", "LCx", 5.3, ((-15, 0.14, 0), (-18, 0.22, 0), (-21, 0.31, 0), (-24, 0.41, 0))),
-    Artery("PDA", "RCA", "LV", AORTA, 0, (
-        (149, -0.02, 0), (163, -0.01, 0), (178, 0.00, 0), (193, 0.01, 0), (207, 0.01, 0),
-        (220, 0.02, 0), (232, 0.03, 0), (240, 0.08, 0), (242, 0.18, 0), (241, 0.29, 0), (240, 0.38, 0), (239, 0.46, 0),
-        (237, 0.53, 0))),
-    Artery("conus", "RCA", "RV", "PDA", 0.5, ((149, 0.12, 0), (145, 0.22, 0), (141, 0.32, 0)), 0.03),
-    Artery("RV", "RCA", "RV", "PDA", 1.7, ((168, 0.12, 0), (163, 0.25, 0), (158, 0.38, 0)), 0.04),
-    Artery("AM", "RCA", "RV", "PDA", 4.0, ((202, 0.12, 0), (196, 0.25, 0), (190, 0.38, 0), (186, 0.50, 0)), 0.06),
-    Artery("PL", "RCA", "LV", "PDA", 6.6, (
-        (248, 0.04, 0), (260, 0.06, 0), (272, 0.09, 0), (281, 0.16, 0), (287, 0.22, 0),
-        (290, 0.28, 0), (292, 0.35, 0))),
-    Artery("PL1", "RCA", "LV", "PL", 0.6, ((255, 0.14, 0), (257, 0.20, 0), (257, 0.26, 0), (256, 0.31, 0))),
-    Artery("PL2", "RCA", "LV", "PL", 3.9, ((280, 0.26, 0), (275, 0.37, 0), (274, 0.48, 0), (275, 0.59, 0))),
-)  # fmt: skip
-"""The pattern, before random shifts. The right coronary artery is one course that ends as the PDA."""
-
-STENOSES = {"LAD": ("LAD", 0.85, 1.2, 0.60), "LCx": ("LCx", 0.9, 1.0, 0.60), "RCA": ("PDA", 2.9, 1.4, 0.60)}
-"""Artery, fractional index of its control points, length (cm), diameter reduction at the throat."""
 
 
 @dataclass(frozen=True)
@@ -144,21 +89,26 @@ class Anatomy:
         return mesh
 
 
-def patient_anatomy(seed: int = SEED) -> Anatomy:
-    """Draw the bundled patient's anatomy.
+def patient_anatomy(seed: int = SEED, dominance: str = "right", lesions: Sequence[Lesion] = BUNDLED) -> Anatomy:
+    """Draw an anatomy; by default the bundled patient's.
 
     Another seed moves the courses by degrees and millimetres, which gives another patient of this kind.
+
+    Raises
+    ------
+    ValueError
+        If a stenosis fits nowhere on its artery.
     """
-    ventricle = Ventricle()
-    courses = _courses(ventricle, seeds.generator(seed, "patient", "anatomy"))
+    pattern, ventricle = PATTERNS[dominance], Ventricle()
+    courses = _courses(ventricle, pattern.arteries, seeds.generator(seed, "patient", "anatomy"))
     pieces = _pieces(courses)
     shares = _shares(ventricle, courses)
-    tree, names = _tree(courses, pieces, shares)
+    tree, names = _tree(pattern, courses, pieces, shares)
     ends = {p.artery: names[p.artery, p.number] for p in pieces}
-    outlets = tuple(Outlet(ends[a.name], a.name, a.perfuses, a.branch) for a in ARTERIES)
-    stenoses = tuple(_stenosis(courses, pieces, names, name, *entry[:3]) for name, entry in STENOSES.items())
-    for stenosis, (_, _, _, reduction) in zip(stenoses, STENOSES.values(), strict=True):
-        tree = tree.with_vessels({stenosis.vessel: narrowed(tree[stenosis.vessel], stenosis, reduction)})
+    outlets = tuple(Outlet(ends[a.name], a.name, a.perfuses, a.branch) for a in pattern.arteries)
+    stenoses = tuple(_stenosis(courses, pieces, names, lesion) for lesion in lesions)
+    for stenosis, lesion in zip(stenoses, lesions, strict=True):
+        tree = tree.with_vessels({stenosis.vessel: narrowed(tree[stenosis.vessel], stenosis, lesion.reduction)})
     in_body_axes = [replace(v, points=Anatomy.to_body_axes(v.points)) for v in tree]
     return Anatomy(Tree(in_body_axes), outlets, stenoses, ventricle)
 
@@ -189,9 +139,9 @@ class _Course:
         return np.stack([np.interp(arc, self.arc, self.points[:, k]) for k in range(3)], axis=-1)
 
 
-def _courses(ventricle: Ventricle, random: np.random.Generator) -> dict[str, _Course]:
+def _courses(ventricle: Ventricle, arteries: Sequence[Artery], random: np.random.Generator) -> dict[str, _Course]:
     courses: dict[str, _Course] = {}
-    for artery in ARTERIES:
+    for artery in arteries:
         phi, s, depth = np.array(artery.course).T
         # One shift per artery and a smaller one per control point: arteries vary as a whole, without kinks.
         phi = phi + random.normal(0, 1.0) + random.normal(0, 0.6, len(phi))
@@ -263,13 +213,13 @@ def _shares(ventricle: Ventricle, courses: dict[str, _Course]) -> dict[str, floa
     volumes = np.asarray(wall.compute_cell_sizes(length=False, area=False)["Volume"])
     _, nearest = cKDTree([c.points[-1] for c in feeding]).query(np.asarray(wall.cell_centers().points, dtype=float))
     territory = np.bincount(nearest, weights=volumes, minlength=len(feeding)) / volumes.sum()
-    stated = {a.name: a.share for a in ARTERIES if a.share}
+    stated = {c.artery.name: c.artery.share for c in courses.values() if c.artery.share}
     remaining = 1.0 - sum(stated.values())
     return stated | {c.artery.name: remaining * float(t) for c, t in zip(feeding, territory, strict=True)}
 
 
 def _tree(
-    courses: dict[str, _Course], pieces: list[_Piece], shares: dict[str, float]
+    pattern: Pattern, courses: dict[str, _Course], pieces: list[_Piece], shares: dict[str, float]
 ) -> tuple[Tree, dict[tuple[str, int], str]]:
     """Make vessels with calibres, named as in published models: branchN inside, lcaN and rcaN at the ends."""
     key = {(p.artery, p.number): p for p in pieces}
@@ -291,7 +241,7 @@ def _tree(
         else:
             names[k], taper = f"branch{len(vessels)}", TAPER
         if piece.parent is None:
-            start = RIGHT_OSTIUM_RADIUS if artery.branch == "RCA" else LEFT_MAIN_RADIUS
+            start = pattern.right_ostium if artery.branch == "RCA" else pattern.left_main
         else:
             parent_radius = end_radius[piece.parent]
             share = flow[k] / flow[piece.parent]
@@ -324,10 +274,16 @@ def _aorta(name: str, low: float, high: float, parent: str | None) -> Vessel:
     return Vessel(name, ANNULUS + height[:, None] * AORTIC_AXIS, np.interp(height, *AORTIC_RADII), parent, AORTA)
 
 
-def _stenosis(courses, pieces: list[_Piece], names, branch: str, artery: str, index: float, length: float) -> Stenosis:
-    arc = courses[artery].arc_of(index)
-    piece = next(p for p in pieces if p.artery == artery and p.start <= arc <= p.end)
-    start = arc - piece.start - length / 2
-    if start < 0 or start + length > piece.end - piece.start:
-        raise ValueError(f"the stenosis of {branch} does not fit between two bifurcations")
-    return Stenosis(branch, names[artery, piece.number], start, start + length)
+def _stenosis(courses: dict[str, _Course], pieces: list[_Piece], names, lesion: Lesion) -> Stenosis:
+    course = courses[lesion.artery]
+    wanted, half, places = course.arc_of(lesion.at), lesion.length / 2, []
+    for piece in pieces:
+        low, high = max(piece.start, course.knots[0]) + CLEAR + half, piece.end - CLEAR - half
+        if piece.artery == lesion.artery and low <= high:
+            arc = min(max(wanted, low), high)
+            places.append((abs(arc - wanted), arc, piece))
+    if not places:
+        raise ValueError(f"the stenosis of {lesion.name} does not fit between two bifurcations")
+    _, arc, piece = min(places, key=lambda place: place[:2])
+    start = arc - piece.start - half
+    return Stenosis(lesion.name, names[lesion.artery, piece.number], start, start + lesion.length)

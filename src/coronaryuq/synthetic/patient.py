@@ -1,9 +1,11 @@
-"""The bundled patient as files, in the formats of a real case, together with the truth."""
+"""A synthetic patient as files, in the formats of a real case, and the truth."""
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
+import yaml
 
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.core.io.atomic import write_json, write_text
@@ -44,7 +46,25 @@ CLINICAL = {
 
 
 def write_files(patient: Patient, folder: str | Path) -> None:
-    """Write tree.vtp, lv.vtu, outlets.csv, targets.csv, truth.json and, last, case.yaml."""
+    """Write the bundled patient's case, see `write_case`, and truth.json before case.yaml."""
+    write_json(Path(folder) / "truth.json", truth(patient))
+    write_case(patient, folder, "Synthetic right-dominant patient with one stenosis each in LAD, LCx and RCA.")
+
+
+def write_case(patient: Patient, folder: str | Path, text: str, also: Mapping[str, Any] | None = None) -> None:
+    """Write tree.vtp, lv.vtu, outlets.csv, targets.csv and, last, case.yaml.
+
+    Parameters
+    ----------
+    patient
+        Its anatomy, wall with map, measures at rest and settings.
+    folder
+        To write to.
+    text
+        Free text for readers.
+    also
+        Further fields of `case.yaml`.
+    """
     folder = Path(folder)
     anatomy = patient.anatomy
     write_tree(folder / "tree.vtp", anatomy.tree)
@@ -55,8 +75,7 @@ def write_files(patient: Patient, folder: str | Path) -> None:
     ]
     write_csv(folder / "outlets.csv", pd.DataFrame(outlets))
     write_text(folder / "targets.csv", clinical_targets(patient.rest.measures))
-    write_json(folder / "truth.json", truth(patient))
-    write_text(folder / "case.yaml", description(patient))
+    write_text(folder / "case.yaml", description(patient, text, also or {}))
 
 
 def clinical_targets(measures: Mapping[str, float]) -> str:
@@ -68,8 +87,8 @@ def clinical_targets(measures: Mapping[str, float]) -> str:
     return "".join(lines)
 
 
-def description(patient: Patient) -> str:
-    """Write `case.yaml` of the patient."""
+def description(patient: Patient, text: str, also: Mapping[str, Any]) -> str:
+    """Write `case.yaml` of the patient; also: further fields."""
     settings = patient.settings
     stenoses = "".join(
         f"  - {{name: {s.name}, vessel: {s.vessel}, start: {float(s.start)!r}, end: {float(s.end)!r}}}\n"
@@ -77,14 +96,14 @@ def description(patient: Patient) -> str:
     )
     return (
         f"name: {settings.name}\n"
-        "description: Synthetic right-dominant patient with one stenosis each in LAD, LCx and RCA.\n"
+        f"description: {text}\n"
         "anatomy: {centrelines: tree.vtp, unit: cm}\n"
         "perfusion: {file: lv.vtu, array: MBF, unit: mL/min/g, length_unit: cm}\n"
         "outlets: outlets.csv\n"
         "targets: targets.csv\n"
         f"period: {settings.period:.6g}\n"
         f"hyperaemia: {settings.hyperaemia:.6g}\n"
-        f"stenoses:\n{stenoses}"
+        f"stenoses:\n{stenoses}" + (yaml.safe_dump(dict(also), sort_keys=False) if also else "")
     )
 
 

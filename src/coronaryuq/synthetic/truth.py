@@ -1,7 +1,7 @@
-"""The bundled patient's true state: a closed loop at rest and under hyperaemia, and the resulting perfusion."""
+"""A synthetic patient's true state: a closed loop at rest and under hyperaemia, and the resulting perfusion."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,30 +78,86 @@ def bed_name(vessel: str) -> str:
 
 
 def make_patient(settings: Settings, seed: int) -> Patient:
-    """Make the patient; over each territory the perfusion map integrates to that outlet's flow exactly."""
-    anatomy = patient_anatomy(settings.anatomy_seed)
-    wall = anatomy.wall(settings.cells)
-    centres = np.asarray(wall.cell_centers().points, float)
-    volumes = np.abs(np.asarray(wall.compute_cell_sizes(length=False, area=False)["Volume"], float))
-    feeding = [outlet for outlet in anatomy.outlets if outlet.perfuses == "LV"]
-    ends = np.array([anatomy.tree[outlet.vessel].points[-1] for outlet in feeding])
-    territory = territories(centres, ends)
-    masses = np.bincount(territory, weights=volumes, minlength=len(feeding)) * TISSUE_DENSITY
-    bed_masses = {bed_name(o.vessel): float(m) for o, m in zip(feeding, masses, strict=True)}
-    rest, hyperaemia = _Loop(anatomy, bed_masses, settings, seed).solve()
-    flows = np.array([hyperaemia.flows[bed_name(outlet.vessel)] for outlet in feeding])
-    pattern = texture(centres, settings.texture, settings.texture_length, seed)
-    perfusion = perfusion_map(centres, volumes * TISSUE_DENSITY, ends, flows, pattern)
-    wall.cell_data["MBF"] = perfusion / MBF_PER_MIN_PER_G
-    return Patient(anatomy, wall, rest, hyperaemia, bed_masses, settings)
+    """Make the bundled patient; over each territory the perfusion map integrates to that outlet's flow exactly."""
+    return patient_of(patient_anatomy(settings.anatomy_seed), settings, seed)
+
+
+def patient_of(anatomy: Anatomy, settings: Settings, seed: int, physics: Physics | None = None) -> Patient:
+    """Make the patient of an anatomy.
+
+    Parameters
+    ----------
+    anatomy
+        Vessels and heart.
+    settings, seed
+        Of the patient.
+    physics
+        Blood, heart and Murray's exponent, if they are not the bundled patient's; the rest follows from the settings.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        If the settings contradict one another.
+    """
+    masses = _Perfused.of(anatomy, settings).bed_masses
+    rest, hyperaemia = _Loop(anatomy, masses, settings, _network(anatomy, masses, settings, seed, physics)).solve()
+    return _with_map(anatomy, rest, hyperaemia, settings, seed)
+
+
+def with_vessels(patient: Patient, values: Mapping[str, Mapping[str, float]], seed: int) -> Patient:
+    """Return the patient with other element values of some 0D vessels, in its periodic states and perfusion with them.
+
+    values: vessel → element → value, CGS. The heart, the blood volume and all beds stay.
+    """
+
+    def changed(state: State) -> State:
+        network = state.network.deep_copy()
+        for vessel, elements in values.items():
+            network.vessel_values(vessel).update(elements)
+        return _Loop(patient.anatomy, patient.masses, patient.settings, network).state()
+
+    return _with_map(patient.anatomy, changed(patient.rest), changed(patient.hyperaemia), patient.settings, seed)
+
+
+@dataclass(frozen=True)
+class _Perfused:
+    """The wall, its cells' centres (n, 3) cm and volumes (n,) cm3, and the mass of each territory, g."""
+
+    wall: "pyvista.UnstructuredGrid"
+    centres: np.ndarray
+    volumes: np.ndarray
+    ends: np.ndarray
+    bed_masses: dict[str, float]
+
+    @classmethod
+    def of(cls, anatomy: Anatomy, settings: Settings) -> "_Perfused":
+        wall = anatomy.wall(settings.cells)
+        centres = np.asarray(wall.cell_centers().points, float)
+        volumes = np.abs(np.asarray(wall.compute_cell_sizes(length=False, area=False)["Volume"], float))
+        feeding = [outlet for outlet in anatomy.outlets if outlet.perfuses == "LV"]
+        ends = np.array([anatomy.tree[outlet.vessel].points[-1] for outlet in feeding])
+        territory = territories(centres, ends)
+        masses = np.bincount(territory, weights=volumes, minlength=len(feeding)) * TISSUE_DENSITY
+        of_bed = {bed_name(o.vessel): float(m) for o, m in zip(feeding, masses, strict=True)}
+        return cls(wall, centres, volumes, ends, of_bed)
+
+
+def _with_map(anatomy: Anatomy, rest: State, hyperaemia: State, settings: Settings, seed: int) -> Patient:
+    perfused = _Perfused.of(anatomy, settings)
+    flows = np.array([hyperaemia.flows[bed] for bed in perfused.bed_masses])
+    pattern = texture(perfused.centres, settings.texture, settings.texture_length, seed)
+    masses = perfused.volumes * TISSUE_DENSITY
+    perfusion = perfusion_map(perfused.centres, masses, perfused.ends, flows, pattern)
+    perfused.wall.cell_data["MBF"] = perfusion / MBF_PER_MIN_PER_G
+    return Patient(anatomy, perfused.wall, rest, hyperaemia, perfused.bed_masses, settings)
 
 
 class _Loop:
     """The closed loop, whose systemic resistance, coronary resistance and blood volume follow from the settings."""
 
-    def __init__(self, anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int):
+    def __init__(self, anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, network: Network):
         self.settings, self.masses = settings, masses
-        self.network = _network(anatomy, masses, settings, seed)
+        self.network = network
         self.engine = Engine(self.network)
         self.blood = BloodVolume(self.engine.model)
         self.right_atrium = self.engine.model.index[RIGHT_ATRIUM]
@@ -113,6 +169,10 @@ class _Loop:
             artery: next(name for name in self.engine.unknowns if name.startswith(f"pressure:{vessel}:"))
             for artery, vessel in stenosed.items()
         }
+
+    def state(self) -> State:
+        """Return the periodic state of the network as it is, from its own initial condition."""
+        return self._state(self.network, self._run(self.network, None))
 
     def solve(self) -> tuple[State, State]:
         """Solve for the mean pressure, stroke volume at rest and mean hyperaemic perfusion of the settings."""
@@ -135,7 +195,7 @@ class _Loop:
             # Pressure depends on resistance times output, output on filling, perfusion on coronary resistance.
             _scale(self.network, systemic=stroke / pressure, coronary=flow)
             rest.state[:, self.right_atrium] -= FILLING * np.log(stroke)
-        raise RuntimeError("the bundled patient's loop does not converge; its settings contradict one another")
+        raise RuntimeError("the patient's loop does not converge; its settings contradict one another")
 
     def _run(self, network: Network, previous: Result | None) -> Result:
         waves = [name for names in self.roles.values() for name in names]
@@ -149,7 +209,7 @@ class _Loop:
             start=None if previous is None else previous.state,
         )
         if not result.ok.all():
-            raise RuntimeError(f"the bundled patient's loop has no periodic state: {result.status[0]}")
+            raise RuntimeError(f"the patient's loop has no periodic state: {result.status[0]}")
         return result
 
     def _flow_names(self) -> dict[str, str]:
@@ -176,22 +236,25 @@ class _Loop:
         return State(network, flows, ffr, self._measures(result))
 
 
-def _network(anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int) -> Network:
+def _network(
+    anatomy: Anatomy, masses: Mapping[str, float], settings: Settings, seed: int, physics: Physics | None
+) -> Network:
     """Build the loop before its totals are set: random conductance per mass of LV beds, the rest by Murray's law.
 
     Murray's law over all outlets sets the total of the LV-perfusing beds, as the method assumes (paper, 2.3).
     """
     names = [bed_name(outlet.vessel) for outlet in anatomy.outlets]
     right = [outlet.branch == "RCA" for outlet in anatomy.outlets]
-    physics = Physics(
+    physics = replace(
+        physics or Physics(heart=dict(HEART)),
         pressure=settings.mean_pressure * MMHG,
         cardiac_output=settings.stroke_volume / settings.period,
         period=settings.period,
-        heart=dict(HEART),
     )
     beds = [Bed(name, o.vessel, side) for name, o, side in zip(names, anatomy.outlets, right, strict=True)]
     network = network_from_tree(anatomy.tree, beds, {SYSTEMIC: "aorta_outlet"}, anatomy.stenoses, physics)
-    by_radius = murray_shares([anatomy.tree[outlet.vessel].radii[-1] for outlet in anatomy.outlets])
+    radii = [anatomy.tree[outlet.vessel].radii[-1] for outlet in anatomy.outlets]
+    by_radius = murray_shares(radii, physics.murray_exponent)
     random_factors = np.exp(settings.bed_spread * seeds.generator(seed, "patient", "beds").standard_normal(len(names)))
     microvascular: Mapping[str, float] = {str(artery): value for artery, value in settings.microvascular.items()}
     disease = [microvascular.get(outlet.branch, 1.0) for outlet in anatomy.outlets]

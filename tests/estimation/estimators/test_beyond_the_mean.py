@@ -13,4 +13,5 @@ def test_a_quantile_with_few_runs_beyond_it_carries_a_warning():
     design, _, predictions = linear_trials()[0]
     found = beyond_the_mean(design, ROW, predictions, Settings())
     warned = {share for share, value in found.quantiles.items() if value.warning}
-    assert warned == {"0.05", "0.95"}
+    assert warned == {"0.025", "0.05", "0.95", "0.975"}
+    assert set(found.quantiles) - warned == {"0.25", "0.50", "0.75"}

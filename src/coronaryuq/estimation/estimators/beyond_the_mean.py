@@ -10,7 +10,8 @@ from coronaryuq.estimation.results import BeyondTheMean
 from coronaryuq.estimation.runs.table import Row, pair
 from coronaryuq.estimation.settings import Settings
 
-SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)
+SHARES = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
+"""Ends of the ranges of 95, 90 and 50 %, and the median."""
 
 
 def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings: Settings) -> BeyondTheMean:
@@ -26,7 +27,7 @@ def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings
     return BeyondTheMean(
         variance=tails.variance(design, y, predictions, level),
         quantiles={
-            f"{share:.2f}": replace(
+            _name(share): replace(
                 tails.quantile(design, y, predictions, share, level), warning=tails.rare(len(y), share)
             )
             for share in SHARES
@@ -39,3 +40,8 @@ def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings
         shapley=effects.shapley,
         by_source=by_source,
     )
+
+
+def _name(share: float) -> str:
+    """Return a share with as many decimals as it needs, two at least."""
+    return f"{share:.3f}".removesuffix("0")

@@ -1,0 +1,1 @@
+"""Whole campaigns on synthetic patients whose true FFR is known."""

@@ -1,0 +1,105 @@
+"""A whole campaign on a patient's case, as Snakemake runs it, and what it says about every stenosis."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from coronaryuq import config
+from coronaryuq.bench.campaign import snakemake
+from coronaryuq.bench.endtoend.data import BED_NOISE
+from coronaryuq.bench.endtoend.score import FFR, LIMIT
+from coronaryuq.case.settings import Uncertainty
+from coronaryuq.core.io.atomic import read_json, write_text
+from coronaryuq.estimation.results import RowReport, read_estimates
+
+NAME = "patient"
+ESTIMATES, POSTERIOR = "estimation/estimates.json", "posterior/summary.json"
+LEAST_NOISE = 0.01
+"""Relative standard deviation of a bed's perfusion that a campaign is told at least."""
+FIXED: dict[str, dict[str, Any]] = {
+    "estimation": {"autoencoder": False, "ffr_zones": [0.75, LIMIT]},
+    "flow3d": {"fields": 0},
+}
+"""Settings that change no interval of the recommended estimator but cost less, and the limit that is scored."""
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a campaign says.
+
+    vessels: stenosis → quantity → `quantiles` and, for FFR, `below`, P(FFR ≤ 0.80), and `method`. rhat_max,
+    ess_bulk_min, converged: of its posterior.
+    """
+
+    vessels: dict[str, dict[str, dict[str, Any]]]
+    rhat_max: float
+    ess_bulk_min: float
+    converged: bool
+    cpu_s: float
+
+
+def run_campaign(
+    case: Path, configuration: Path, uncertainty: Uncertainty, seed: int, noise: float, cores: int, folder: Path
+) -> Said:
+    """Run the campaign of a case up to its estimates.
+
+    Parameters
+    ----------
+    case
+        `case.yaml`.
+    configuration
+        Settings of the campaign; patient, seed, `uncertainty` and the perfusion noise are set here.
+    uncertainty
+        `full` or `paper`.
+    seed
+        Of the campaign.
+    noise
+        Factor on the perfusion noise that the campaign is told.
+    cores, folder
+        Cores, and where it runs.
+
+    Raises
+    ------
+    RuntimeError
+        If a job of the campaign fails.
+    """
+    settings = config.load(configuration).model_dump(mode="json")
+    for block, values in FIXED.items():
+        settings[block] |= values
+    settings["perfusion"]["branch_sd"] = max(BED_NOISE * noise, LEAST_NOISE)
+    settings |= {
+        "name": NAME, "case": case.resolve().as_posix(), "uncertainty": uncertainty, "seed": seed,
+    }  # fmt: skip
+    written = folder / "campaign.yaml"
+    write_text(written, yaml.safe_dump(settings, sort_keys=False))
+    results = Path("results", NAME)
+    targets = [(results / name).as_posix() for name in (ESTIMATES, POSTERIOR)]
+    done = snakemake(written, str(folder), "--cores", str(cores), "--", *targets)
+    return said(folder / results, done.cpu_s)
+
+
+def said(results: Path, cpu_s: float) -> Said:
+    """Read what a campaign says from its results folder."""
+    posterior = read_json(results / POSTERIOR, ("rhat_max",))
+    vessels: dict[str, dict[str, dict[str, Any]]] = {}
+    rows = read_estimates(results / ESTIMATES).rows
+    for column in dict.fromkeys(row.column_3d for row in rows):
+        row = min((row for row in rows if row.column_3d == column), key=lambda row: row.recommended_report.std)
+        quantity, _, vessel = column.rpartition("_")
+        if row.beyond_the_mean.quantiles:
+            vessels.setdefault(vessel, {})[quantity] = _answer(row, quantity)
+    diagnosis = {name: posterior[name] for name in ("rhat_max", "ess_bulk_min", "converged")}
+    return Said(vessels, **diagnosis, cpu_s=cpu_s)
+
+
+def _answer(row: RowReport, quantity: str) -> dict[str, Any]:
+    beyond = row.beyond_the_mean
+    answer: dict[str, Any] = {
+        "quantiles": {share: value.value for share, value in (beyond.quantiles or {}).items()},
+        "method": row.recommended,
+    }
+    if quantity == FFR and beyond.zones:
+        answer["below"] = beyond.zones[-1].complement.value
+    return answer
