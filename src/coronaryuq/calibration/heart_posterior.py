@@ -8,6 +8,7 @@ of the network, log-linear factors on many of its values.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -126,9 +127,11 @@ def measurement_covariance(targets: Mapping[str, float], names: Sequence[str], e
 
 def heart_posterior(
     loop: Loop, point: np.ndarray, states: tuple[np.ndarray, np.ndarray], targets: Mapping[str, float],
-    hyperaemia: float, errors: RoutineErrors,
+    hyperaemia: float, errors: RoutineErrors, most_steps: int,
 ) -> HeartPosterior:  # fmt: skip
     """Return the posterior of the heart around the tuned point.
+
+    Where the tuned loop has no periodic state at the loop's time steps, they are halved until it has one.
 
     Parameters
     ----------
@@ -140,18 +143,22 @@ def heart_posterior(
         Measured values in their own units, and their errors.
     hyperaemia
         Factor on Ra and Ram of every bed.
+    most_steps
+        Time steps per cycle at which the tuned loop is known to be periodic.
     """
     names = [name for name in TUNED if name in targets and not name.endswith("GradOK")]
     beds_flows = loop.bed_flows(list(beds(loop.network)))
 
-    def run(free: np.ndarray) -> np.ndarray:
+    def run(free: np.ndarray, steps: int) -> np.ndarray:
         """Return measures at rest and the logarithms of what the arteries see, (m, d + q); NaN if not periodic."""
         points = np.tile(point, (len(free), 1))
         points[:, FREE] = free
         rest_states, stress_states = (np.tile(state, (len(points), 1)) for state in states)
-        rest = loop.evaluate(points, rest_states, refill=False)
+        rest = loop.evaluate(points, rest_states, steps_per_cycle=steps, refill=False)
         extra = hyperaemic_changes(loop.network, points, hyperaemia)
-        stress = loop.evaluate(points, stress_states, extra=extra, waveforms=beds_flows, refill=False)
+        stress = loop.evaluate(
+            points, stress_states, steps_per_cycle=steps, extra=extra, waveforms=beds_flows, refill=False
+        )
         flows = [np.trapezoid(stress.waves[name], stress.time, axis=1) for name in beds_flows]
         seen = np.log([*(stress.measures[name] for name in PRESSURES), *flows]).T
         measured = np.array([rest.measures[name] for name in names]).T
@@ -159,9 +166,12 @@ def heart_posterior(
 
     wide = (parameters.UPPER - parameters.LOWER)[FREE]
     centre = point[FREE]
-    both = linearised(run, centre, STEP * wide)
-    if np.isnan(both[0]).all():
-        raise RuntimeError("the tuned loop has no periodic state at the coarse time steps of the search")
+    steps = loop.steps_per_cycle
+    while np.isnan(run(centre[None], steps)).all():
+        if steps >= most_steps:
+            raise RuntimeError(f"the tuned loop has no periodic state at {steps} time steps per cycle")
+        steps = min(2 * steps, most_steps)
+    both = linearised(partial(run, steps=steps), centre, STEP * wide)
     measured = np.isfinite(both[0][: len(names)]) & np.isfinite(both[1][: len(names)]).all(axis=1)
     slopes, seen = both[1][: len(names)][measured], both[1][len(names) :]
     known = [name for name, used in zip(names, measured, strict=True) if used]

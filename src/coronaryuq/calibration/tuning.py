@@ -109,7 +109,8 @@ def _tuned(loop: Loop, best: Start, goal: Goal, settings: Settings) -> Tuned:
     stressed = _network(fine, relaxed, stress)
     if goal.errors is not None:
         states = rest.state[0], stress.state[0]
-        found = heart_posterior(loop, point, states, targets, goal.hyperaemia, goal.errors)
+        most = settings.final_steps_per_cycle
+        found = heart_posterior(loop, point, states, targets, goal.hyperaemia, goal.errors, most)
         known = stressed.get(UNCERTAIN, [])
         stressed[UNCERTAIN] = [*known, *heart_parameters(found, loop), *assumed_parameters(stressed, goal.errors)]
     return Tuned(
