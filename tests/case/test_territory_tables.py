@@ -69,7 +69,7 @@ def test_every_form_of_the_table_gives_its_flows(small_tree, tmp_path, text, how
             "= 'mL/min/g': gives an LV flow of 176 mL/s; check the",
         ),
         (table(flow=[2, -1, 1]), "unit: mL/s", "flow of lca2 = -1.0: must be positive"),
-        (table(flow=[2, "nan", 1]), "unit: mL/s", "row 2, flow"),
+        (table(flow=[2, "nan", 1]), "unit: mL/s", "flow: not given for lca2; measure it (unit mL/s)"),
         (table(flow=FLOW, volume=[50, 0, 40]), "unit: mL/s", "volume of lca2 = 0.0: must be positive"),
         (table("lca1", "lca2", "lca1", flow=FLOW), "unit: mL/s", "name = 'lca1': duplicate"),
         (table("lca1", "lca2", "BC_lca1", flow=FLOW), "unit: mL/s", "name = 'BC_lca1': duplicate"),

@@ -11,6 +11,13 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
         ("coronaryuq explain results/smoke/estimation/table.csv", "show where a result comes from"),
         ("coronaryuq solve --help", "show the options of one command"),
     ],
+    "init": [
+        ("coronaryuq init results/smoke/patient/tree.vtp --into mine", "asks for what is not clear on a terminal"),
+        (
+            "coronaryuq init results/smoke/patient/tree.vtp --perfusion results/smoke/patient/lv.vtu --yes",
+            "in tree-case, without questions",
+        ),
+    ],
     "run": [
         ("coronaryuq run laptop", "the bundled patient, in results/laptop"),
         ("coronaryuq run config/smoke.yaml --dry-run", "show what would run"),

@@ -33,6 +33,7 @@ BENCHMARKS = {
 }
 """Benchmark → module within `coronaryuq.bench`, with a function `run` and, if it has options, `add_arguments`."""
 COMMANDS = {
+    "init": ("cli.init", "start a case of your own from a project, a surface, centrelines or a network"),
     "run": ("cli.run", "run a campaign in the current folder"),
     "status": ("cli.status", "show how far a campaign is, the time left, and its results"),
     "compare": ("cli.compare", "compare FFR of two campaigns"),

@@ -32,6 +32,8 @@ OTHER_WORDS: dict[str, Any] = {
     "leftanteriordescending": "LAD",
     "rightcoronaryartery": "RCA",
 }
+EMPTY = ("none", "nan", "")
+"""Contents of a cell, in lower case, that mean that nothing was measured."""
 MOST_OUTLETS = 500
 LARGEST_TABLE = 10_000_000
 """Maximum size of a table, bytes."""
@@ -63,6 +65,7 @@ def read_outlets(path: Path) -> list[OutletRow]:
             raise InputError(
                 path, str(column), None, f"unknown column; {near}known columns: {', '.join(sorted(known))}"
             )
+    _check_filled(path, frame)
     rows = []
     for number, record in enumerate(frame.astype(object).where(frame.notna(), None).to_dict("records"), start=1):
         rows.append(_outlet(path, number, record))
@@ -74,6 +77,20 @@ def read_outlets(path: Path) -> list[OutletRow]:
     if not any(row.perfuses == "LV" for row in rows):
         raise InputError(path, "perfuses", None, "no outlet perfuses the LV; at least one must")
     return rows
+
+
+def _check_filled(path: Path, frame) -> None:
+    """Raise InputError, one for all blanks, if an outlet lacks its tissue or artery."""
+    blank = {
+        column: [str(name) for name, cell in zip(frame["name"], frame[column], strict=True) if not str(cell).strip()]
+        for column in ("perfuses", "branch")
+    }
+    allowed = {"perfuses": TISSUES, "branch": BRANCHES}
+    asked = [
+        f"{column} of {', '.join(names)} ({' or '.join(allowed[column])})" for column, names in blank.items() if names
+    ]
+    if asked:
+        raise InputError(path, next(c for c in blank if blank[c]), None, f"not given; fill in {'; '.join(asked)}")
 
 
 def _outlet(path: Path, number: int, record: dict[str, Any]) -> OutletRow:
@@ -132,6 +149,10 @@ def read_territory_flows(
         measured = "flow" if flows.unit == "fraction" or flows.unit in FLOWS else "mbf"
     frame = read_csv(path, ("name", "mbf", "volume") if measured == "mbf" else ("name", measured))
     names = _outlet_names(path, frame, lv)
+    blank = [name for name, cell in zip(names, frame[measured], strict=True) if str(cell).strip().lower() in EMPTY]
+    if blank:
+        remedy = f"not given for {', '.join(blank)}; measure it (unit {flows.unit}), or give a perfusion map"
+        raise InputError(path, measured, None, remedy)
     values = _positive(path, frame, names, measured)
     volumes = _positive(path, frame, names, "volume") if "volume" in frame else np.full(len(names), np.nan)
     if flows.unit in FLOWS:
@@ -268,7 +289,7 @@ def _yaml_target(path: Path, name: str, entry: Any) -> tuple[str | None, float |
 
 
 def _number(path: Path, name: str, value: Any) -> float | None:
-    if value is None or (isinstance(value, str) and value.lower() in ("none", "nan", "")):
+    if value is None or (isinstance(value, str) and value.lower() in EMPTY):
         return None
     try:
         number = float(value)
