@@ -111,6 +111,26 @@ def test_broken_files_are_one_line_without_words_of_itk(tmp_path, capfd, name, c
     assert "ITK" not in str(error.value) and capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("missing", [1, 9, 4000])
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_truncated_image_is_refused_without_words_of_itk(tmp_path, capfd, name, missing):
+    """Readers fill what is missing from a NIfTI file with zeros: a ventricle without its apex."""
+    WRITERS[name](tmp_path / name, np.random.default_rng(1).uniform(1, 2, shell().shape).astype(np.float32))
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[:-missing])
+    with pytest.raises(InputError, match=f"{name}: damaged.* truncated"):
+        read(tmp_path, name)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(("written", "called"), [("a.nii", "b.nii.gz"), ("a.nii.gz", "b.nii")])
+def test_a_compressed_file_by_the_wrong_name_is_told(tmp_path, written, called):
+    nifti(tmp_path / written, shell())
+    (tmp_path / written).rename(tmp_path / called)
+    with pytest.raises(InputError, match=f"{called}: is (not )?compressed, unlike its name says; rename it"):
+        read(tmp_path, called)
+
+
 def outlets(points):
     common = {"label": "LAD", "bc": "b", "vessel": "v", "block": "v", "perfuses": "LV", "branch": "LAD", "radius": 0.1}
     return [CaseOutlet(name=f"o{k}", point=tuple(point), **common) for k, point in enumerate(points)]

@@ -48,6 +48,8 @@ def read_header(path: Path) -> Header:
             return _nifti(path)
         fields = _fields(path, ":" if name.endswith((".nrrd", ".nhdr")) else "=")
         return _nrrd(path, fields) if name.endswith((".nrrd", ".nhdr")) else _meta_image(fields)
+    except InputError:
+        raise
     except (OSError, EOFError, zlib.error, struct.error, ValueError, KeyError, IndexError):
         raise InputError(path, None, None, f"has no readable header; {EXPORT}") from None
 
@@ -76,7 +78,13 @@ def check_header(path: Path, header: Header, placed_otherwise: bool) -> None:
 
 
 def _nifti(path: Path) -> Header:
-    with gzip.open(path, "rb") if path.name.lower().endswith(".gz") else open(path, "rb") as file:
+    with open(path, "rb") as file:
+        compressed = file.read(2) == b"\x1f\x8b"
+    if compressed != path.name.lower().endswith(".gz"):
+        raise InputError(
+            path, None, None, f"is {'' if compressed else 'not '}compressed, unlike its name says; rename it"
+        )
+    with gzip.open(path, "rb") if compressed else open(path, "rb") as file:
         start = file.read(540)
     order = "<" if struct.unpack("<i", start[:4])[0] in (348, 540) else ">"
     if struct.unpack(f"{order}i", start[:4])[0] not in (348, 540):
@@ -87,12 +95,15 @@ def _nifti(path: Path) -> Header:
         codes = struct.unpack(f"{order}2h", start[252:256])
         quaternion, rows = struct.unpack(f"{order}6f", start[256:280]), struct.unpack(f"{order}12f", start[280:328])
         units = start[123]
+        bits, offset = struct.unpack(f"{order}h", start[72:74])[0], int(struct.unpack(f"{order}f", start[108:112])[0])
     else:
         dim = struct.unpack(f"{order}8q", start[16:80])
         spacing = struct.unpack(f"{order}8d", start[104:168])
         codes = struct.unpack(f"{order}2i", start[344:352])
         quaternion, rows = struct.unpack(f"{order}6d", start[352:400]), struct.unpack(f"{order}12d", start[400:496])
         units = struct.unpack(f"{order}i", start[500:504])[0]
+        bits, offset = struct.unpack(f"{order}h", start[14:16])[0], struct.unpack(f"{order}q", start[168:176])[0]
+    _check_whole(path, compressed, offset + int(np.prod(dim[1 : dim[0] + 1], dtype=int)) * bits // 8)
     layers = int(np.prod([n for n in dim[4 : dim[0] + 1] if n > 1], dtype=int)) if dim[0] > 3 else 1
     affines = []
     if codes[1] > 0:
@@ -107,6 +118,22 @@ def _nifti(path: Path) -> Header:
             notes = (f"{path.name}: its two positions (sform, qform) are up to {apart:.3g} apart; the reader took one",)
     axes = tuple(affine[:, :3] for affine in affines)
     return Header(bool(affines), axes, layers, NIFTI_UNITS.get(units & 7), notes)
+
+
+def _check_whole(path: Path, compressed: bool, needed: int) -> None:
+    """Raise `InputError` if a NIfTI file ends before its data do: readers fill the rest with zeros."""
+    size = 0
+    try:
+        if compressed:
+            with gzip.open(path, "rb") as file:
+                while block := file.read(1 << 20):
+                    size += len(block)
+        else:
+            size = path.stat().st_size
+    except (EOFError, zlib.error, gzip.BadGzipFile):
+        size = min(size, needed - 1)
+    if size < needed:
+        raise InputError(path, None, None, "damaged or truncated; copy or export it again")
 
 
 def _of_quaternion(quaternion, spacing) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 
 from coronaryuq.case.perfusion.image_headers import EXPORT, Header, check_header, read_header
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.quiet import quiet
 
 IMAGE_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 LARGEST = 600_000_000
@@ -86,10 +87,12 @@ def _read(path: Path):
     reader = sitk.ImageFileReader()
     reader.SetFileName(str(path))
     try:
-        reader.ReadImageInformation()
+        with quiet():
+            reader.ReadImageInformation()
         if int(np.prod(reader.GetSize(), dtype=float)) > LARGEST:
             raise InputError(path, "size", reader.GetSize(), f"more than {LARGEST} voxels; crop the image")
-        return reader.Execute()
+        with quiet():
+            return reader.Execute()
     except RuntimeError:
         remedy = f"damaged, truncated, or of another type than its name says; {EXPORT}"
         raise InputError(path, None, None, remedy) from None
