@@ -33,6 +33,7 @@ from coronaryuq.case.perfusion.outlet_checks import outlet_notes
 from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
 from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.case.settings import Settings, Uncertainty
+from coronaryuq.case.sketch import Sketch
 from coronaryuq.case.tables.needed_targets import complete_targets, heart_period
 from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outlets, read_territory_flows
 from coronaryuq.core.errors import InputError
@@ -61,7 +62,9 @@ class AssembledCase:
     wall: Wall
 
 
-def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty = "paper") -> AssembledCase:
+def assemble(
+    case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty = "paper", sketch: Sketch | None = None
+) -> AssembledCase:
     """Read a case and all files that it refers to.
 
     Parameters
@@ -72,6 +75,8 @@ def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty
         Settings of the case stage.
     uncertainty : "full" or "paper"
         Whether the network's lumen is uncertain, or known as in the paper.
+    sketch : Sketch
+        Receives what was understood, also if a fault is found later.
 
     Returns
     -------
@@ -87,6 +92,8 @@ def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty
     description = read_description(path)
     folder = path.parent
     rows = read_outlets(folder / description.outlets)
+    sketch = sketch or Sketch()
+    sketch.rows, sketch.unit = rows, None if description.anatomy is None else description.length_unit
     targets = read_case_targets(folder / description.targets) if description.targets else {}
     own_network = _read_own_network(folder, description)
     targets_file = folder / description.targets if description.targets else path
@@ -100,9 +107,12 @@ def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty
     anatomy = description.anatomy
     if anatomy is not None:
         tree, notes = read_anatomy(path, description, anatomy, rows, settings)
+        sketch.tree = tree
         tree, placed = place_outlets(path, description, tree, rows, notes)
+        sketch.tree, sketch.placed = tree, placed
         stenoses, stenosis_notes = place_stenoses(path, description, tree, settings)
         notes += placed.notes + stenosis_notes
+        sketch.stenoses = stenoses
     if own_network is None:
         assert tree is not None and placed is not None  # a description has an anatomy, a network, or both
         physics = _physics(description, settings, targets, period)
@@ -120,10 +130,12 @@ def assemble(case_yaml: str | Path, settings: Settings, uncertainty: Uncertainty
         if unit != "cgs":
             notes += (f"{description.network}: pressures in {unit}, converted to dyn/cm2",)
     outlets = _outlets(rows, placed, tree, topology)
+    sketch.tree, sketch.outlets = tree, outlets
     if uncertainty == "full" and anatomy is not None:
         network = _with_uncertain_lumen(path, description, tree, stenoses, network)
     if description.perfusion is not None:
         wall = read_wall(path, description.perfusion, description.tissue_density, settings.wall_cells)
+        sketch.wall = wall
         notes += check_place(path, description.perfusion, wall, outlets)
     elif description.territory_flows is not None:
         lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}

@@ -18,8 +18,10 @@ from coronaryuq.case.description.dependencies import measurements
 from coronaryuq.case.description.fields import Description
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.settings import Settings
+from coronaryuq.case.sketch import Sketch
 from coronaryuq.config import EXPECTED, Campaign
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.atomic import check_file
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.measurements import measured_conditions
 from coronaryuq.discrepancy.inference.read_problem import read_series
@@ -49,6 +51,8 @@ class Checked:
         The case in the file or of the configuration; None for the bundled patient and if it has an error.
     campaign
         The configuration, None for a case.
+    sketch
+        What was understood of the case's vessels, also if there is an error behind them.
     """
 
     file: Path
@@ -57,6 +61,7 @@ class Checked:
     lines: list[str] = field(default_factory=list)
     case: AssembledCase | None = None
     campaign: Campaign | None = None
+    sketch: Sketch = field(default_factory=Sketch)
 
     def as_json(self) -> dict[str, Any]:
         """Return it as `coronaryuq check --json` prints it (docs/reference/formats.md)."""
@@ -104,7 +109,11 @@ def kind_of(values: dict[str, Any]) -> Literal["case", "configuration"]:
 
 
 def _check_case(found: Checked, path: str | Path, settings: Settings) -> None:
-    found.case = assemble(path, settings)
+    found.sketch.file = Path(path)
+    try:
+        found.case = assemble(path, settings, sketch=found.sketch)
+    finally:
+        found.lines += found.sketch.lines()
     found.lines += describe(found.case)
     if named := measurements(path, found.case.description):
         table, file = named
@@ -164,3 +173,36 @@ def _changed(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield from _changed(value, f"{prefix}{name}.")
         elif value != described.get_default(call_default_factory=True):
             yield f"{prefix}{name}", value
+
+
+def draw_check(found: Checked, picture: str | None) -> list[str]:
+    """Draw the vessels of what was checked, as far as they were read, and return a line that names the file.
+
+    Parameters
+    ----------
+    found
+        The checked file.
+    picture
+        PNG or SVG; None: beside the case, unless its folder cannot be written.
+
+    Raises
+    ------
+    InputError
+        If `picture` has another format or cannot be written.
+    """
+    sketch = found.sketch
+    if sketch.tree is None or sketch.file is None:
+        return []
+    output = Path(picture) if picture else sketch.file.with_suffix(".check.png")
+    if output.suffix.lower() not in (".png", ".svg"):
+        raise InputError("command line", "--picture", str(output), "name a file that ends in .png or .svg")
+    from coronaryuq.figures.case_picture import case_picture
+
+    try:
+        check_file(output)
+        case_picture(sketch, output)
+    except (InputError, OSError):
+        if picture:
+            raise
+        return [f"picture: none, because {output.parent} cannot be written; name a file with --picture"]
+    return [f"picture: {output}"]

@@ -33,6 +33,7 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "completion": [("coronaryuq completion bash", 'in ~/.bashrc, as eval "$(coronaryuq completion bash)"')],
     "check": [
         ("coronaryuq check results/smoke/patient/case.yaml", "a case, and all files that it refers to"),
+        ("coronaryuq check results/smoke/patient/case.yaml --picture tree.svg", "draw the vessels there"),
         ("coronaryuq check config/smoke.yaml", "a configuration, and the case that it refers to"),
         ("coronaryuq check config/smoke.yaml --json", "the same as JSON, for scripts"),
     ],

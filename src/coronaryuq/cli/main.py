@@ -116,6 +116,7 @@ def _parser(arguments: Sequence[str], whole: bool = False) -> argparse.ArgumentP
     demo.add_argument("--cores", default="all", help="cores of this machine to use (default: all)")
     check = add_command("check", "check a case or a configuration, and all files that it refers to", _check)
     check.add_argument("file", metavar="FILE", help="path of a case.yaml, or of a campaign's configuration")
+    check.add_argument("--picture", metavar="FILE", help="picture of the vessels (default: case.check.png by the case)")
     explain = add_command("explain", "show how a result was computed, and the command to reproduce it", _explain)
     explain.add_argument("result", metavar="RESULT", help="a result file of a campaign, under results/NAME")
     verify = add_command("verify", "list results that have changed since their jobs wrote them", _verify)
@@ -165,13 +166,14 @@ def _completion(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from coronaryuq.cli.check import check
+    from coronaryuq.cli.check import check, draw_check
 
     found = check(options.file)
+    drawn = draw_check(found, options.picture) if options.picture or not options.json else []
     if options.json:
         _print_json(found.as_json())
         return 0 if found.error is None else InputError.EXIT_CODE
-    for line in found.lines:
+    for line in found.lines + drawn:
         print(line, flush=True)
     if found.error is not None:
         raise found.error

@@ -129,18 +129,16 @@ def _of_lumen(source: Source, unit: str, ends: list[End], aortic: Collection[str
     inlet = _rounded(narrow[0].point) if narrow else None
     rows = [DraftRow(end.name, end.name, "LAD", "LV", point=_rounded(end.point)) for end in coronary]
     draft = Draft(source, rows, unit, inlet=inlet, systemic=systemic)
-    tree, notes = read_anatomy(*_described(draft), settings)
+    tree, _ = read_anatomy(*_described(draft), settings)
     labels, taken = label_ends(tree, [row.name for row in rows], names_tell=False), set[str]()
-    named, names = [], dict[str, str]()
+    named = []
     for row in sorted(rows, key=lambda row: (_order(labels[row.name].branch), *_natural(labels[row.name].label))):
         end = labels[row.name]
-        names[row.name] = _free(end.label, taken)
-        named.append(DraftRow(names[row.name], end.label, end.branch, end.perfuses, point=row.point))
-    draft = replace(draft, rows=named)
-    if tree.root.branch != AORTA or tree.root.made:  # whose first vessel is named after the artery
-        return _with_stenoses(draft, settings)
-    called = [replace(v, name=names.get(v.name, v.name), parent=names.get(v.parent or "", v.parent)) for v in tree]
-    return _with_stenoses(draft, settings, (Tree(called), notes))
+        named.append(DraftRow(_free(end.label, taken), end.label, end.branch, end.perfuses, point=row.point))
+    if tree.root.branch == AORTA and not tree.root.made:
+        x, y, z = (float(value) / LENGTHS[unit] for value in tree.root.points[0])
+        inlet = _rounded((x, y, z))
+    return _with_stenoses(replace(draft, rows=named, inlet=inlet), settings)
 
 
 def _check_some(source: Source, coronary: Collection) -> None:
@@ -191,10 +189,10 @@ def _described(draft: Draft) -> tuple[Path, Description, Anatomy, list[OutletRow
     return file, description, anatomy, rows
 
 
-def _with_stenoses(draft: Draft, settings: Settings, read: tuple[Tree, tuple[str, ...]] | None = None) -> Draft:
-    """Return the draft with its tree as the case stage will read it (`read`, if known), and its narrowings."""
+def _with_stenoses(draft: Draft, settings: Settings) -> Draft:
+    """Return the draft with its tree as the case stage will read it from the files, and the narrowings found there."""
     file, description, anatomy, rows = _described(draft)
-    tree, notes = read or read_anatomy(file, description, anatomy, rows, settings)
+    tree, notes = read_anatomy(file, description, anatomy, rows, settings)
     tree, placed = place_outlets(file, description, tree, rows)
     stenoses = [
         DraftStenosis(
@@ -203,11 +201,7 @@ def _with_stenoses(draft: Draft, settings: Settings, read: tuple[Tree, tuple[str
         )
         for s in detected_stenoses(tree, settings.narrowing, settings.serial)
     ]
-    inlet = draft.inlet
-    if draft.source.kind in ("surface", "mesh") and tree.root.branch == AORTA and not tree.root.made:
-        x, y, z = (float(value) / LENGTHS[anatomy.unit] for value in tree.root.points[0])
-        inlet = _rounded((x, y, z))
-    return Draft(draft.source, draft.rows, draft.unit, stenoses, inlet, draft.systemic, tree, notes + placed.notes)
+    return replace(draft, stenoses=stenoses, tree=tree, notes=notes + placed.notes)
 
 
 def draft_network(source: Source) -> Draft:

@@ -163,7 +163,7 @@ def _along_artery(tree: Tree, ends: Sequence[str], branch: Branch) -> dict[str, 
     if not ends:
         return {}
     arc = {v.name: sum(part.length for part in tree.path(v.name)) for v in tree}
-    main = max(ends, key=lambda end: (artery_label(end) == branch, arc[end], end))
+    main = next((end for end in ends if artery_label(end) == branch and end.isalpha()), None) or _main(tree, ends)
     course = [v.name for v in tree.path(main)]
     leaves_at = {end: next(v.name for v in reversed(tree.path(end)) if v.name in course) for end in ends}
     first = min((arc[place] for place in leaves_at.values()), default=0.0)
@@ -184,6 +184,17 @@ def _along_artery(tree: Tree, ends: Sequence[str], branch: Branch) -> dict[str, 
             labels[end] = (_own_label(end) or label, tissue_of(end, branch) or ("RV" if stem == "RV" else "LV"))
     label = "PDA" if branch == "RCA" and crossed else branch
     return labels | {main: (_own_label(main) or label, tissue_of(main, branch) or "LV")}
+
+
+def _main(tree: Tree, ends: Sequence[str]) -> str:
+    """Return the end of an artery's own course, along the vessels that feed most of `ends`, then the wider ones."""
+    own, paths = set(ends), [tree.path(end) for end in ends]
+    at = paths[0][max(k for k in range(min(map(len, paths))) if len({path[k].name for path in paths}) == 1)]
+    while at.name not in own:
+        fed = {v.name: len(own & {leaf.name for leaf in _leaves(tree, v.name)}) for v in tree.children(at.name)}
+        onward = [v for v in tree.children(at.name) if fed[v.name]]
+        at = max(onward, key=lambda v: (fed[v.name], float(np.median(v.radii)), v.name))
+    return at.name
 
 
 def artery_label(name: str) -> Branch | None:

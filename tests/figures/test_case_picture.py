@@ -1,0 +1,75 @@
+"""The picture of `coronaryuq check` shows every end by name, stenoses, and what has no row."""
+
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from coronaryuq.cli.check import check, draw_check
+from coronaryuq.core.errors import InputError
+from coronaryuq.figures import case_picture as drawn
+from support.case_files import small_tree, write_case
+
+
+@pytest.fixture
+def shown(monkeypatch):
+    """Texts and legend of the pictures that are drawn."""
+    texts: list[str] = []
+    original = drawn.saved
+
+    @contextmanager
+    def saved(output, **subplots):
+        with original(output, **subplots) as (figure, axes):
+            yield figure, axes
+            texts.extend(text.get_text() for text in axes.texts)
+            legend = axes.get_legend()
+            texts.extend([*(text.get_text() for text in legend.get_texts()), legend.get_title().get_text()])
+
+    monkeypatch.setattr(drawn, "saved", saved)
+    return texts
+
+
+def test_ends_stenoses_territories_and_scale_are_drawn(tmp_path, shown):
+    found = check(write_case(tmp_path, small_tree()))
+    assert draw_check(found, None) == [f"picture: {tmp_path / 'case.check.png'}"]
+    assert {"lca1", "lca2", "rca1", "aorta_outlet", "2 cm", "LAD", "LCx", "RCA", "aorta", "stenosis"} <= set(shown)
+    assert any(text.startswith("LAD stenosis, ") for text in shown)
+    assert "read in cm; territories: nearest outlet" in shown
+    assert (tmp_path / "case.check.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_an_end_without_a_row_is_asked_for_in_words_and_picture(tmp_path, shown):
+    path = write_case(tmp_path, small_tree())
+    table = tmp_path / "outlets.csv"
+    table.write_text(table.read_text().replace("lca2,lca2,LV,LCx\n", ""))
+    found = check(path)
+    assert found.error is not None and "lca2" in str(found.error)
+    assert "ends without a row, what are they? lca2 (no row in the outlets table, 2.0 mm)" in found.lines
+    draw_check(found, str(tmp_path / "mine.svg"))
+    assert "lca2?" in shown and "no row: what is it?" in shown
+    assert (tmp_path / "mine.svg").is_file() and not (tmp_path / "case.check.png").exists()
+
+
+def test_the_picture_is_there_although_flows_are_missing(tmp_path, shown):
+    path = write_case(tmp_path, small_tree(), perfusion=None, territory_flows="{file: flows.csv, unit: mL/min}")
+    (tmp_path / "flows.csv").write_text("name,flow\nlca1,\nlca2,3\nrca1,3\n")
+    found = check(path)
+    assert found.error is not None and found.error.field == "flow"
+    assert draw_check(found, None) and "rca1" in shown
+    assert (
+        "unit: coronary ends of 2 to 2.4 mm in diameter: is the unit cm? (if mm, 0.2 to 0.24 mm; if m, 200 to 240 mm)"
+        in found.lines
+    )
+
+
+def test_a_picture_of_another_format_is_refused(tmp_path):
+    found = check(write_case(tmp_path, small_tree()))
+    with pytest.raises(InputError, match="--picture = 'tree.doc': name a file that ends in .png or .svg"):
+        draw_check(found, "tree.doc")
+
+
+def test_the_same_case_gives_the_same_bytes(tmp_path):
+    found = check(write_case(tmp_path, small_tree()))
+    for name in ("a.png", "b.png"):
+        draw_check(found, str(tmp_path / name))
+    assert Path(tmp_path / "a.png").read_bytes() == Path(tmp_path / "b.png").read_bytes()
