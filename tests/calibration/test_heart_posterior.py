@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from coronaryuq.calibration import parameters
 from coronaryuq.calibration.heart_posterior import (
     PRESSURES,
     SHARE,
@@ -11,10 +12,14 @@ from coronaryuq.calibration.heart_posterior import (
     assumed_parameters,
     division_parameter,
     gauss_newton,
+    heart_posterior,
     latent_directions,
     linearised,
     measurement_covariance,
 )
+from coronaryuq.calibration.hyperaemic_flow import hyperaemic_changes
+from coronaryuq.calibration.initial_scaling import scaled
+from coronaryuq.calibration.loop import Loop
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.network.network import UNCERTAIN, Network
 from coronaryuq.core.seeds import generator
@@ -116,3 +121,18 @@ def test_assumed_values_become_columns_that_leave_the_network_alone_at_their_cen
     ratio = (higher["BC_lca2.Ra"] / plain["BC_lca2.Ra"]) / (higher["BC_lca1.Ra"] / plain["BC_lca1.Ra"])
     assert ratio == pytest.approx(2.0**0.2)  # twice the radius: the exponent's change more of the flow
     assert division_parameter({"BC_lca1": 0.1}, network, 0.2) == []
+
+
+@pytest.mark.slow
+def test_a_loop_that_is_periodic_only_at_finer_time_steps_has_the_posterior_of_these(small_loop, adult):
+    network, errors = scaled(small_loop, adult, 1.0), RoutineErrors()
+    point, fine, coarse = parameters.INITIAL, Loop(network, 320), Loop(network, 30)
+    rest = fine.evaluate(point[None])
+    relaxed = hyperaemic_changes(network, point[None], 0.24)
+    states = rest.state[0], fine.evaluate(point[None], rest.state, extra=relaxed, refill=False).state[0]
+    assert not coarse.evaluate(point[None], rest.state, refill=False).ok.any()
+    expected = heart_posterior(Loop(network, 60), point, states, adult, 0.24, errors, 60)
+    found = heart_posterior(coarse, point, states, adult, 0.24, errors, 1000)
+    np.testing.assert_array_equal(found.directions, expected.directions)
+    with pytest.raises(RuntimeError, match="at 30 time steps per cycle"):
+        heart_posterior(coarse, point, states, adult, 0.24, errors, 30)
