@@ -6,12 +6,13 @@ noise and truth are joined; a patient that is there already is replaced.
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from coronaryuq.bench.endtoend.benchmark import beside_0d
-from coronaryuq.bench.endtoend.score import FFR, LIMIT, PIT_BINS, answers_by_quantity, summary
+from coronaryuq.bench.endtoend.score import FFR, LEVELS, LIMIT, PIT_BINS, ZONES, answers_by_quantity, summary
 from coronaryuq.figures.style import DARK, MUTED, SIMULATED, saved
 
 FOLDER = Path(__file__).parent
@@ -48,32 +49,32 @@ def percent(row: dict, level: int) -> str:
 
 def tables(of: dict[str, list[dict]]) -> list[str]:
     scores = {setting: summary(lines) for setting, lines in of.items()}
-    lines = ["| | " + " | ".join(f"`{setting}`" for setting in of) + " |", "|---|" + "---|" * len(of)]
-
-    def row(text: str, value) -> None:
-        lines.append(f"| {text} | " + " | ".join(value(scores[setting]) for setting in of) + " |")
-
-    row("patients (failed), stenoses", lambda s: f"{s['patients']} ({s['failed']}), {s['vessels']}")
+    lines = [
+        "| quantity | setting | in 50 % ranges, % | in 90 % ranges, % | in 95 % ranges, % | mean width of 90 % ranges "
+        "| bias and RMS error of the median |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for name, text in NAMES.items():
-        by_setting = {s: {r["quantity"]: r for r in scores[s]["quantities"]} for s in of}
-        if not all(name in rows for rows in by_setting.values()):
-            continue
-        for level in (50, 90, 95):
-            row(f"{text}: truths within {level} % ranges, %", lambda s, n=name, v=level: percent(quantity(s, n), v))
-        row(f"{text}: mean width of 90 % ranges", lambda s, n=name: f"{quantity(s, n)['mean_width_90']:.3g}")
-        row(
-            f"{text}: bias, RMS error of the median",
-            lambda s, n=name: "{bias:.2g}, {rms_error:.2g}".format(**quantity(s, n)),
-        )
-    row("Brier score of P(FFR ≤ 0.80)", lambda s: f"{s['brier']:.3f}")
-    for number, zone in enumerate(("below 0.75", "0.75 to 0.85", "above 0.85")):
-        row(
-            f"true FFR {zone}: right, undecided, wrong at 90 %",
-            lambda s, k=number: "{right}, {undecided}, {wrong}".format(**s["zones"][k]),
-        )
-    row("R-hat: median, largest", lambda s: "{median:.2f}, {largest:.2f}".format(**s["rhat_max"]))
-    row("chains that converged", lambda s: str(s["converged"]))
-    row("CPU s of a campaign", lambda s: f"{s['cpu_s_per_patient']:.0f}")
+        for setting, its in scores.items():
+            row = next((row for row in its["quantities"] if row["quantity"] == name), None)
+            if row is not None:
+                held = " | ".join(percent(row, level) for level in LEVELS)
+                errors = f"{row['bias']:+.2g}, {row['rms_error']:.2g}".replace("-", "−")
+                lines.append(f"| {text} | `{setting}` | {held} | {row['mean_width_90']:.2g} | {errors} |")
+    lines += ["", "| | " + " | ".join(f"`{setting}`" for setting in of) + " |", "|---|" + "---|" * len(of)]
+
+    def add(text: str, value: Callable[[dict], str]) -> None:
+        lines.append(f"| {text} | " + " | ".join(value(its) for its in scores.values()) + " |")
+
+    add("patients; failed; stenoses", lambda its: f"{its['patients']}; {its['failed']}; {its['vessels']}")
+    add("Brier score of P(FFR ≤ 0.80)", lambda its: f"{its['brier']:.3f}")
+    for number, zone in enumerate(ZONES):
+        verdicts = "{right}, {undecided}, {wrong}"
+        text = f"true FFR {zone}: right, undecided, wrong at 90 %"
+        add(text, lambda its, k=number, v=verdicts: v.format(**its["zones"][k]))
+    add("R-hat: median, largest", lambda its: "{median:.2f}, {largest:.2f}".format(**its["rhat_max"]))
+    add("patients whose chains converged", lambda its: str(its["converged"]))
+    add("CPU s of a campaign", lambda its: f"{its['cpu_s_per_patient']:.0f}")
     return lines
 
 
@@ -83,7 +84,7 @@ def quantity(scores: dict, name: str) -> dict:
 
 def draw(of: dict[str, list[dict]]) -> None:
     """Draw stated ranges against true FFR, the PIT histogram, and the reliability diagram."""
-    with saved(PICTURE, ncols=3, figsize=(11.5, 3.8)) as (_, (ranges, histogram, diagram)):
+    with saved(PICTURE, ncols=3, figsize=(11.5, 4.2)) as (_, (ranges, histogram, diagram)):
         for number, (setting, lines) in enumerate(of.items()):
             answers = answers_by_quantity(line for line in lines if line["failed"] is None)[FFR]
             colour, scores = COLOURS[setting], summary(lines)
@@ -131,7 +132,7 @@ def draw(of: dict[str, list[dict]]) -> None:
         )
         diagram.set_title("numbers: stenoses in the bin")
         for axes in (ranges, histogram, diagram):
-            axes.legend(fontsize=7.5, loc="upper left" if axes is not histogram else "upper right")
+            axes.legend(fontsize=7.5, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """A whole campaign on a patient's case, as Snakemake runs it, and what it says about every stenosis."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from coronaryuq.estimation.results import RowReport, read_estimates
 
 NAME = "patient"
 ESTIMATES, POSTERIOR = "estimation/estimates.json", "posterior/summary.json"
+ROWS = ("ffr_ffr", "tawss_patch_flow", "osi_patch_flow")
+"""Rows that are estimated of every stenosis: FFR, wall shear and oscillation averaged over patches of 1 mm."""
 LEAST_NOISE = 0.01
 """Relative standard deviation of a bed's perfusion that a campaign is told at least."""
 FIXED: dict[str, dict[str, Any]] = {
@@ -41,7 +44,14 @@ class Said:
 
 
 def run_campaign(
-    case: Path, configuration: Path, uncertainty: Uncertainty, seed: int, noise: float, cores: int, folder: Path
+    case: Path,
+    lesions: Sequence[str],
+    configuration: Path,
+    uncertainty: Uncertainty,
+    seed: int,
+    noise: float,
+    cores: int,
+    folder: Path,
 ) -> Said:
     """Run the campaign of a case up to its estimates.
 
@@ -49,6 +59,8 @@ def run_campaign(
     ----------
     case
         `case.yaml`.
+    lesions
+        Names of its stenoses.
     configuration
         Settings of the campaign; patient, seed, `uncertainty` and the perfusion noise are set here.
     uncertainty
@@ -69,6 +81,7 @@ def run_campaign(
     for block, values in FIXED.items():
         settings[block] |= values
     settings["perfusion"]["branch_sd"] = max(BED_NOISE * noise, LEAST_NOISE)
+    settings["estimation"]["rows"] = [f"{row}_{lesion.lower()}" for lesion in lesions for row in ROWS]
     settings |= {
         "name": NAME, "case": case.resolve().as_posix(), "uncertainty": uncertainty, "seed": seed,
     }  # fmt: skip
