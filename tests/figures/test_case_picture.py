@@ -32,7 +32,7 @@ def shown(monkeypatch):
 def test_ends_stenoses_territories_and_scale_are_drawn(tmp_path, shown):
     found = check(write_case(tmp_path, small_tree()))
     assert draw_check(found, None) == [f"picture: {tmp_path / 'case.check.png'}"]
-    assert {"lca1", "lca2", "rca1", "aorta_outlet", "2 cm", "LAD", "LCx", "RCA", "aorta", "stenosis"} <= set(shown)
+    assert {"lca1", "lca2", "rca1", "aorta_outlet", "5 cm", "LAD", "LCx", "RCA", "aorta", "stenosis"} <= set(shown)
     assert any(text.startswith("LAD stenosis, ") for text in shown)
     assert "read in cm; territories: nearest outlet" in shown
     assert (tmp_path / "case.check.png").read_bytes()[:4] == b"\x89PNG"
