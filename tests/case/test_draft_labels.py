@@ -6,6 +6,7 @@ import pytest
 
 from coronaryuq.case.anatomy.tree import AORTA, Tree
 from coronaryuq.case.draft.labels import artery_of, label_ends
+from coronaryuq.synthetic.anatomy import patient_anatomy
 from support.case_files import small_tree, straight
 
 
@@ -52,3 +53,13 @@ def test_side_branches_are_numbered_along_the_course_and_the_distal_right_ones_p
     assert {end: (labels[end].label, labels[end].perfuses) for end in labels} == {
         "side0": ("RV1", "RV"), "side1": ("RV2", "RV"), "side2": ("PL1", "LV"), "RCA": ("RCA", "LV"),
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("dominance", ["right", "left"])
+def test_the_arteries_of_nameless_synthetic_patients_are_found(dominance):
+    for seed in range(20):
+        anatomy = patient_anatomy(seed, dominance, ())
+        new = {v.name: f"v{k}" for k, v in enumerate(anatomy.tree)}
+        true = {new[outlet.vessel]: outlet.branch for outlet in anatomy.outlets}
+        labels = label_ends(without_names(anatomy.tree), list(true))
+        assert {end: label.branch for end, label in labels.items()} == true, seed

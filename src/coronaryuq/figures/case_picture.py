@@ -75,7 +75,7 @@ def _words(role: EndRole) -> tuple[str, str, bool]:
     if role.artery is None:
         return f"{text}?", UNKNOWN, True
     if role.artery == AORTA:
-        return text, "#555555", True
+        return (f"{text}, added" if role.vessel.made else text), "#555555", True
     return (f"{text} → {role.feeds}" if role.feeds != "LV" else text), colour(role.artery), True
 
 
@@ -98,7 +98,6 @@ def _vessel(axes, vessel: Vessel, flat) -> None:
     axes.add_collection(
         LineCollection(
             list(pieces), linewidths=list(widths[:-1]), colors=ink, capstyle="round", zorder=1 if aortic else 3,
-            linestyles="--" if vessel.made else "-",
         )
     )  # fmt: skip
     axes.update_datalim(line)

@@ -27,6 +27,9 @@ LIKELY: dict[Branch, str] = {"LAD": "D", "LCx": "OM", "RCA": "RV"}
 CRUX = 0.5
 """Fraction of the length of the right coronary artery beyond which its branches perfuse the left ventricle."""
 
+SPACING = 0.1
+"""cm between the points of a course."""
+
 
 @dataclass(frozen=True)
 class EndLabel:
@@ -42,8 +45,9 @@ def label_ends(tree: Tree, ends: Sequence[str], names_tell: bool = True) -> dict
     """Label the coronary ends of a tree.
 
     An end belongs to the artery that the file or a name on its way to the aorta tells, the nearest first. If none does,
-    the tree with more ends is the left one; its part with the end farthest from the ostia is the LAD, because that
-    runs to the apex, and the other the LCx.
+    the tree with more ends is the left one. Of its two parts the LCx is the one that lies in a plane with the right
+    coronary artery, because both run in the groove between atria and ventricles; without a right one, the LAD is the
+    part with the end farthest from the ostium, because it runs to the apex.
 
     Parameters
     ----------
@@ -104,7 +108,8 @@ def _by_place(tree: Tree, ends: Sequence[str], known: dict[str, Branch | None]) 
         if sides.get(start) == "right":
             found |= dict.fromkeys(unknown, "RCA")
         elif sides.get(start) == "left" and unknown:
-            left = _left_arteries(tree, start, own, known, root)
+            right = next((_course(tree, ends) for other, ends in starts.items() if sides.get(other) == "right"), None)
+            left = _left_arteries(tree, start, own, known, root, right)
             found |= {end: left[end] for end in unknown}
     return found
 
@@ -138,9 +143,17 @@ def _sides(tree: Tree, starts: dict[str, list[str]], known: dict[str, Branch | N
 
 
 def _left_arteries(
-    tree: Tree, start: str, ends: Sequence[str], known: dict[str, Branch | None], root: np.ndarray
+    tree: Tree,
+    start: str,
+    ends: Sequence[str],
+    known: dict[str, Branch | None],
+    root: np.ndarray,
+    right: np.ndarray | None,
 ) -> dict[str, Branch]:
-    """Return the artery of each end of a left tree: its two parts behind the first bifurcation are LAD and LCx."""
+    """Return the artery of each end of a left tree: its two parts behind the first bifurcation are LAD and LCx.
+
+    right: the course (n, 3) of the right coronary artery, if there is one; root: the middle of the ostia.
+    """
     trunk = start
     while len(children := tree.children(trunk)) == 1:
         trunk = children[0].name
@@ -150,12 +163,25 @@ def _left_arteries(
         named = Counter(branch for end in own if (branch := known[end]) is not None)
         if named:
             arteries[part] = named.most_common(1)[0][0]
-    reach = {
-        part: max(float(np.linalg.norm(tree[end].points[-1] - root)) for end in own) for part, own in parts.items()
-    }
-    for part in sorted(parts, key=lambda part: -reach[part]):
+    if right is None:
+        away = {part: max(float(np.linalg.norm(tree[e].points[-1] - root)) for e in own) for part, own in parts.items()}
+    else:
+        away = {part: _off_plane(np.vstack([right, _course(tree, own)])) for part, own in parts.items()}
+    for part in sorted(parts, key=lambda part: -away[part]):
         arteries.setdefault(part, "LCx" if "LAD" in arteries.values() else "LAD")
     return {end: arteries[part] for part, own in parts.items() for end in own}
+
+
+def _course(tree: Tree, ends: Sequence[str]) -> np.ndarray:
+    """Return the first part, up to `CRUX`, of an artery's own course as points (n, 3), evenly spaced."""
+    path = [v for v in tree.path(_main(tree, ends)) if {leaf.name for leaf in _leaves(tree, v.name)} <= {*ends}]
+    points = np.concatenate([v.resampled(SPACING).points for v in path])
+    return points[: max(3, int(CRUX * len(points)))]
+
+
+def _off_plane(points: np.ndarray) -> float:
+    """Return the root mean square distance of points (n, 3) from their plane."""
+    return float(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(points)))
 
 
 def _along_artery(tree: Tree, ends: Sequence[str], branch: Branch) -> dict[str, tuple[str, Tissue]]:
