@@ -7,6 +7,7 @@ For notebooks and scripts (docs/how-to/notebook.md):
     estimate_models(...), allocate(...)  the same with any number of models, and how many runs of each
     discover(...)     search for an effect that a model lacks
     zerod.solve(...)  one 0D network marched in time
+    InputError        what they raise for wrong input: a ValueError of one line
 
 Everything else may change.
 """
@@ -22,6 +23,7 @@ PUBLIC = {
     "allocate": ("coronaryuq.estimation.models", "allocate"),
     "discover": ("coronaryuq.notebook.discover", "discover"),
     "zerod": ("coronaryuq.zerod", None),
+    "InputError": ("coronaryuq.core.errors", "InputError"),
 }
 """Name → module and attribute. They are imported when asked for: `import coronaryuq` stays fast."""
 

@@ -184,6 +184,47 @@ def test_too_few_runs_are_one_line(given):
 
 
 @pytest.mark.slow
+def test_a_masked_run_is_no_run(given):
+    y = np.ma.masked_array(given["y"], mask=np.arange(80).reshape(40, 2) == 6)
+    with pytest.raises(InputError, match="y, row 3, y_0 = nan: leave this row out"):
+        estimate(**given | {"y": y})
+    masked = np.ma.masked_array(given["q_more"], mask=np.zeros((600, 2)))
+    masked[5] = np.ma.masked
+    assert "1 of 600 0D runs" in " ".join(estimate(**given | {"q_more": masked}).warnings)
+
+
+@pytest.mark.parametrize("name", ["y", "q"])
+def test_tables_in_different_orders_are_not_paired(given, name):
+    tables = {key: pd.DataFrame(values) for key, values in given.items()}
+    tables[name] = tables[name].iloc[::-1]
+    with pytest.raises(InputError, match=f"{name} = 39: rows are in another order than those of theta"):
+        estimate(**tables)
+    tables[name].index = range(100, 140)  # labels of its own say nothing of the order
+    estimate(**tables)
+
+
+def test_one_input_many_times_is_no_sample(given):
+    same = given | {name: np.repeat(given[name][:1], 40, axis=0) for name in ("theta", "y", "q")}
+    with pytest.raises(InputError, match="theta = 1: different inputs among 40"):
+        estimate(**same)
+    with pytest.raises(InputError, match="theta = 1: different inputs among 40"):
+        estimate(**given, chains=(np.zeros(640), np.zeros(640)))
+
+
+def test_a_quantity_that_is_the_same_in_all_runs_has_no_error(given):
+    """By whatever value: the mean of 40 equal numbers is not always equal to them."""
+    found = estimate(**given | {"y": np.full(40, 1.1712834)})
+    assert found.recommended == "MC" and found.mean == pytest.approx(1.1712834, rel=1e-14)
+    told = " ".join(found.warnings)
+    assert "all 40 runs have the value 1.17128" in told and "disagree" not in told
+
+
+def test_the_error_can_be_caught_by_its_public_name(given):
+    with pytest.raises(coronaryuq.InputError, match="y: expected real numbers; it is complex"):
+        estimate(**given | {"y": given["y"] + 1j})
+    assert "InputError" in dir(coronaryuq) and issubclass(coronaryuq.InputError, ValueError)
+
+
 def test_the_examples_of_the_page_run(capsys):
     page = (Path(__file__).parents[2] / "docs" / "how-to" / "estimate.md").read_text(encoding="utf-8")
     names: dict = {}

@@ -163,6 +163,7 @@ def estimate(
             failed = 0 if runs.theta_more_failed is None or name == "y" else len(runs.theta_more_failed)
             without = f" in addition to {failed} whose q_more is not finite" if failed else ""
             raise InputError("estimate", name, number, f"rows{without}; at least {least} are needed")
+    _check_distinct(runs, folds)
     rows = _pairs(list(runs.y), runs.q)
     design = make_design(runs, rows, folds, seed, families=EVERY)
     methods, findings = prepare(design, settings, seed, beyond_mean=False)
@@ -174,6 +175,9 @@ def estimate(
 
 
 def _runs(theta: Any, y: Any, q: Any, theta_more: Any, q_more: Any, chains: Any) -> Runs:
+    for name, values in (("y", y), ("q", q)):
+        _check_order(name, values, theta, "theta")
+    _check_order("q_more", q_more, theta_more, "theta_more")
     pilot, outputs, cheap = _frame(theta, "theta"), _frame(y, "y"), _frame(q, "q")
     for name, frame in (("y", outputs), ("q", cheap)):
         if len(frame) != len(pilot):
@@ -206,7 +210,7 @@ def _frame(values: Any, name: str, columns: Any = None) -> pd.DataFrame:
         if not frame.columns.is_unique:
             raise InputError("estimate", name, frame.columns[frame.columns.duplicated()][0], "two columns of this name")
     else:
-        array = np.asarray(values)
+        array = np.ma.filled(np.ma.asarray(values, dtype=float), np.nan) if np.ma.isMA(values) else np.asarray(values)
         if array.ndim not in (1, 2):
             raise InputError("estimate", name, array.shape, "expected an array of one or two dimensions")
         array = array[:, None] if array.ndim == 1 else array
@@ -214,6 +218,8 @@ def _frame(values: Any, name: str, columns: Any = None) -> pd.DataFrame:
         if columns is not None and len(columns) == array.shape[1]:
             names = list(columns)
         frame = pd.DataFrame(array, columns=names)
+    if any(kind.kind == "c" for kind in map(np.dtype, frame.select_dtypes("complex").dtypes)):
+        raise InputError("estimate", name, None, "expected real numbers; it is complex")
     try:
         return frame.astype(float)
     except (TypeError, ValueError) as error:
@@ -233,6 +239,28 @@ def _check_finite(name: str, frame: pd.DataFrame, remedy: str) -> None:
     if len(wrong):
         i, j = wrong[0]
         raise InputError("estimate", f"{name}, row {i}, {frame.columns[j]}", float(frame.iloc[i, j]), remedy)
+
+
+def _check_order(name: str, values: Any, first: Any, of: str) -> None:
+    """Raise InputError where two tables have the same labels of rows in different orders: rows are paired by place."""
+    if not (isinstance(values, pd.DataFrame | pd.Series) and isinstance(first, pd.DataFrame | pd.Series)):
+        return
+    mine, its = values.index, first.index
+    if len(mine) == len(its) and not mine.equals(its) and set(mine) == set(its):
+        raise InputError("estimate", name, mine[0], f"rows are in another order than those of {of}; align the tables")
+
+
+def _check_distinct(runs: Runs, least: int) -> None:
+    """Raise InputError for fewer different inputs than there are folds, which keep equal ones together."""
+    n, states = len(runs), runs.states
+    places = None if states is None else np.column_stack([states.chain, states.draw])
+    for name, inputs, part in (("theta", runs.theta, slice(n)), ("theta_more", runs.theta_more, slice(n, None))):
+        distinct = len(np.unique(inputs, axis=0))
+        if places is not None:
+            distinct = min(distinct, len(np.unique(places[part], axis=0)))
+        if distinct < least:
+            remedy = f"different inputs among {len(inputs)}; at least {least} are needed"
+            raise InputError("estimate", name, distinct, remedy)
 
 
 def _states(chains: Any, n: int, ran: np.ndarray) -> States | None:

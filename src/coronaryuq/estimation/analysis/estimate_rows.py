@@ -150,14 +150,15 @@ def estimate_row(row: Row, methods: Methods, findings: tuple[diagnostics.Finding
     y, q = pair(runs, row)
     made, parts = estimates_of(row, methods)
     crossfit_gp, beyond = methods.crossfit_gp(row)
-    chosen = recommended(made)
+    varies = np.ptp(y) > 0
+    chosen = recommended(made) if varies else "MC"
     found = (
         row.warning,
         *findings,
-        diagnostics.unseen(len(y)) if np.ptp(y) > 0 else None,
+        diagnostics.unseen(len(y)) if varies else None,
         diagnostics.constant(y),
         diagnostics.dominated(crossfit_gp.residuals, runs.samples),
-        diagnostics.disagreement({name: made[name] for name in TESTED if name in made}, chosen),
+        diagnostics.disagreement({name: made[name] for name in TESTED if name in made}, chosen) if varies else None,
     )
     return RowReport(
         row=row.name, label=row.label, column_3d=row.column_3d, column_0d=row.column_0d,
