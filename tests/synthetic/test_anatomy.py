@@ -4,28 +4,47 @@ import numpy as np
 import pytest
 
 from coronaryuq.case.anatomy.tree import AORTA, area_ratio, distance_to
-from coronaryuq.synthetic.anatomy import EXPONENT, SMALLEST, Anatomy, patient_anatomy
+from coronaryuq.synthetic.anatomy import CLEAR, EXPONENT, SMALLEST, Anatomy, patient_anatomy
+from coronaryuq.synthetic.arteries import BUNDLED, Lesion
 
-SEEDS = [2024, 1, 2, 3]
+PATIENTS = [(2024, "right"), (1, "right"), (2, "right"), (3, "right"), (1, "left"), (2, "left"), (3, "left")]
+LEFT_LESIONS = (
+    Lesion("LAD", "LAD", 0.85, 1.0, 0.60),
+    Lesion("LCx", "LCx", 0.9, 1.0, 0.60),
+    Lesion("RCA", "RCA", 0.7, 1.0, 0.60),
+)
 
 
-@pytest.fixture(scope="module", params=SEEDS)
-def anatomy(request) -> Anatomy:
-    return patient_anatomy(request.param)
+@pytest.fixture(scope="module", params=PATIENTS, ids=str)
+def drawn(request) -> tuple[str, Anatomy]:
+    seed, dominance = request.param
+    return dominance, patient_anatomy(seed, dominance, BUNDLED if dominance == "right" else LEFT_LESIONS)
 
 
-def test_at_least_fourteen_outlets_perfuse_the_left_ventricle_and_some_do_not(anatomy):
+@pytest.fixture(scope="module")
+def anatomy(drawn) -> Anatomy:
+    return drawn[1]
+
+
+def test_many_outlets_perfuse_the_left_ventricle_and_some_do_not(drawn):
+    dominance, anatomy = drawn
     perfuses = [outlet.perfuses for outlet in anatomy.outlets]
-    assert perfuses.count("LV") >= 14
+    assert perfuses.count("LV") >= {"right": 14, "left": 12}[dominance]
     assert perfuses.count("RV") >= 2 and perfuses.count("septum") >= 1
     coronary = {v.name for v in anatomy.tree.leaves() if v.branch != AORTA}
     assert {outlet.vessel for outlet in anatomy.outlets} == coronary
 
 
-def test_the_posterior_descending_artery_arises_from_the_right_coronary_artery(anatomy):
-    vessel = next(o.vessel for o in anatomy.outlets if o.label == "PDA")
-    assert anatomy.tree[vessel].branch == "RCA"
+def test_the_dominant_artery_ends_in_the_posterior_groove(drawn):
+    dominance, anatomy = drawn
+    label, branch = {"right": ("PDA", "RCA"), "left": ("LCx", "LCx")}[dominance]
+    vessel = next(o.vessel for o in anatomy.outlets if o.label == label)
+    assert anatomy.tree[vessel].branch == branch
     assert anatomy.tree.path(vessel)[1].parent == "aorta"
+    phi, s, _ = anatomy.ventricle.coordinates(anatomy.to_heart_frame(anatomy.tree[vessel].points[-1:]))
+    assert np.degrees(phi[0]) == pytest.approx(240, abs=8) and 0.4 < s[0] < 0.65
+    feeding = {o.branch for o in anatomy.outlets if o.perfuses == "LV"}
+    assert ("RCA" in feeding) == (dominance == "right")
 
 
 def test_two_ostial_arteries_arise_from_one_aorta(anatomy):
@@ -70,7 +89,7 @@ def test_siblings_part_within_a_few_radii(anatomy):
         for b in anatomy.tree.children(a.parent) if a.parent else []:
             if a.name != b.name and AORTA not in (a.branch, b.branch):
                 far = b.arc > 5 * b.radii[0]
-                assert (distance_to(a, b.points[far]) - b.radii[far]).min() > 0.02, f"{a.name} and {b.name}"
+                assert (distance_to(a, b.points[far]) - b.radii[far]).min() > 0.01, f"{a.name} and {b.name}"
 
 
 def test_epicardial_arteries_lie_on_the_heart_and_septal_ones_in_it(anatomy):
@@ -79,7 +98,7 @@ def test_epicardial_arteries_lie_on_the_heart_and_septal_ones_in_it(anatomy):
         _, s, depth = anatomy.ventricle.coordinates(end)
         assert 0.0 < s[0] < 1.0
         if outlet.perfuses == "LV":
-            assert -0.6 < depth[0] < 0.0
+            assert -0.8 < depth[0] < 0.0
         elif outlet.perfuses == "septum":
             assert 0.2 < depth[0] < 0.8
 
@@ -89,6 +108,18 @@ def test_each_artery_has_one_stenosis_of_the_stated_severity(anatomy):
     for stenosis in anatomy.stenoses:
         assert anatomy.tree[stenosis.vessel].branch == stenosis.name
         assert 0.10 < area_ratio(anatomy.tree, stenosis) < 0.25
+
+
+def test_a_stenosis_that_would_lie_on_a_bifurcation_is_moved_beside_it():
+    course = [patient_anatomy(1, lesions=(Lesion("LAD", "LAD", at, 0.8, 0.5),)) for at in (1.55, 1.65)]
+    for anatomy in course:
+        (stenosis,) = anatomy.stenoses
+        vessel = anatomy.tree[stenosis.vessel]
+        assert min(stenosis.start, vessel.length - stenosis.end) == pytest.approx(CLEAR, abs=1e-3)
+        assert stenosis.end - stenosis.start == pytest.approx(0.8)
+    assert patient_anatomy(1, lesions=()).stenoses == ()
+    with pytest.raises(ValueError, match="of LAD does not fit between two bifurcations"):
+        patient_anatomy(1, lesions=(Lesion("LAD", "LAD", 1.0, 5.0, 0.5),))
 
 
 def test_no_territory_is_tiny_or_takes_half_the_wall(anatomy):
