@@ -20,7 +20,8 @@ ESTIMATES, POSTERIOR = "estimation/estimates.json", "posterior/summary.json"
 ROWS = ("ffr_ffr", "tawss_patch_flow", "osi_patch_flow")
 """Rows that are estimated of every stenosis: FFR, wall shear and oscillation averaged over patches of 1 mm."""
 LEAST_NOISE = 0.01
-"""Relative standard deviation of a bed's perfusion that a campaign is told at least."""
+"""Relative standard deviation of a bed's perfusion that a campaign is told at least, and the least factor on the range
+of the total resistance."""
 FIXED: dict[str, dict[str, Any]] = {
     "estimation": {"autoencoder": False, "ffr_zones": [0.75, LIMIT]},
     "flow3d": {"fields": 0},
@@ -68,7 +69,7 @@ def run_campaign(
     seed
         Of the campaign.
     noise
-        Factor on the perfusion noise that the campaign is told.
+        Factor on the perfusion noise that the campaign is told and, up to 1, on the range of the total resistance.
     cores, folder
         Cores, and where it runs.
 
@@ -81,6 +82,9 @@ def run_campaign(
     for block, values in FIXED.items():
         settings[block] |= values
     settings["perfusion"]["branch_sd"] = max(BED_NOISE * noise, LEAST_NOISE)
+    low, high = settings["posterior"]["scaling"]
+    width = max(min(noise, 1.0), LEAST_NOISE)
+    settings["posterior"]["scaling"] = [1.0 - width * (1.0 - low), 1.0 + width * (high - 1.0)]
     settings["estimation"]["rows"] = [f"{row}_{lesion.lower()}" for lesion in lesions for row in ROWS]
     settings |= {
         "name": NAME, "case": case.resolve().as_posix(), "uncertainty": uncertainty, "seed": seed,
