@@ -116,7 +116,7 @@ def draw(of: dict[str, list[dict]]) -> None:
         truths = [one["truth"] for one in answers]
         ranges.set(
             xlabel="true FFR (3D on the true lumen)", ylabel="stated FFR", ylim=ends,
-            xlim=(min(truths) - 0.03, max(truths) + 0.03), title=f"{count} stenoses",
+            xlim=(min(truths) - 0.03, max(truths) + 0.03), title=f"FFR of {count} stenoses",
         )  # fmt: skip
         even = 1 / PIT_BINS
         histogram.axhline(even, color=DARK, lw=0.8)
