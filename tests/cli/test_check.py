@@ -99,7 +99,10 @@ def test_all_that_a_clinic_measures_at_rest_and_stress_can_be_given_in_a_case(co
     assert main(["check", "given/case.yaml"]) == 0
     printed = capsys.readouterr().out
     assert "measurements: 16 series under rest, stress (held out)" in printed
-    assert "pullback: 4 readings along branch1_seg0 > lca1_seg0 > lca1_seg1 > lca1 (6 cm) under stress" in printed
+    assert (
+        "pullback: 4 readings along branch1_seg0 > lca1_seg0 > lca1_seg1 > lca1_seg2 > lca1 (6 cm) under stress"
+        in printed
+    )
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from coronaryuq.case.case_json import CaseStenosis
+from coronaryuq.case.case_json import CaseStenosis, FfrPlace
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation.estimators.tails import rare
 from coronaryuq.estimation.results import BeyondTheMean, Interval, Probability
@@ -19,18 +19,23 @@ STENOSIS = CaseStenosis(
 )  # fmt: skip
 
 
+def read_at(arc, stop=None):
+    """The stenosis, whose FFR is read at an arc length."""
+    return STENOSIS.model_copy(update={"read": FfrPlace(arc=arc, asked=1.5, stop=stop)})
+
+
 @pytest.fixture
 def card(tmp_path):
     """Return the card of a stenosis with given estimates beyond the mean of FFR."""
     write_json(tmp_path / "mesh.json", {"nodes": 8000, "settings": {"throat_resolution": 3.0}})
 
-    def make(columns=COLUMNS, reading=None, **beyond):
+    def make(columns=COLUMNS, reading=None, stenosis=STENOSIS, **beyond):
         rows = [
             row(column_3d=f"{quantity}_lad", beyond_the_mean=BeyondTheMean(**beyond), estimators={"MC": estimate})
             for quantity, estimate in columns.items()
         ]
         mesh = MeshError(tmp_path / "mesh.json", None)
-        return lesion_card(Lesion(STENOSIS, {"BC_b": "the resistance of the D1 bed"}, mesh, reading), rows)
+        return lesion_card(Lesion(stenosis, {"BC_b": "the resistance of the D1 bed"}, mesh, reading), rows)
 
     return make
 
@@ -134,11 +139,14 @@ def test_what_would_help_is_the_source_whose_error_reaches_the_limit(card, half_
 
 def test_where_ffr_is_read_is_compared_with_what_experts_advise(card):
     assert card(reading=0.71)["reading"] == {
-        "words": "7 mm beyond the lesion",
+        "words": "7 mm beyond the lesion by 3D, at its end by 0D",
         "advised": False,
         "advice": "10 to 20 mm",
     }
-    assert card(reading=1.5)["reading"]["advised"]
+    far = card(reading=1.5, stenosis=read_at(2.5))["reading"]
+    assert far["advised"] and far["words"] == "15 mm beyond the lesion"
+    near = card(reading=0.6, stenosis=read_at(1.6, "branch"))["reading"]
+    assert near["words"] == "6 mm beyond the lesion, the last place before its vessel branches (15 mm were asked for)"
     assert card()["reading"]["words"] == ""
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.anatomy.ffr_place import ffr_notes, with_ffr_places
 from coronaryuq.case.anatomy.read import PlacedOutlets, place_outlets, place_stenoses, read_anatomy
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
 from coronaryuq.case.case_json import (
@@ -24,7 +25,7 @@ from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import with_lumen
 from coronaryuq.case.network.along_tree import vessels_along
-from coronaryuq.case.network.build import Bed, Physics, network_from_tree, segments
+from coronaryuq.case.network.build import Bed, Physics, Segment, network_from_tree, segments
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.schematic import radius_from_inertance, schematic_tree
 from coronaryuq.case.network.topology import CORONARY, SYSTEMIC, Topology, closed_loop_tree
@@ -38,7 +39,7 @@ from coronaryuq.case.tables.needed_targets import complete_targets, heart_period
 from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outlets, read_territory_flows
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
-from coronaryuq.core.units import MMHG, PRESSURES
+from coronaryuq.core.units import MM, MMHG, PRESSURES
 
 AORTIC_PRESSURE_WITHOUT_TARGET = 93.0 * MMHG
 DEFAULT_PERIOD = 1.0
@@ -111,7 +112,9 @@ def assemble(
         tree, placed = place_outlets(path, description, tree, rows, notes)
         sketch.tree, sketch.placed = tree, placed
         stenoses, stenosis_notes = place_stenoses(path, description, tree, settings)
-        notes += placed.notes + stenosis_notes
+        if description.ffr_beyond_mm is not None:
+            stenoses = with_ffr_places(tree, stenoses, description.ffr_beyond_mm * MM)
+        notes += placed.notes + stenosis_notes + ffr_notes(stenoses)
         sketch.stenoses = stenoses
     if own_network is None:
         assert tree is not None and placed is not None  # a description has an anatomy, a network, or both
@@ -278,7 +281,8 @@ def _stenoses(
     topology: Topology,
     outlets: list[CaseOutlet],
 ) -> list[CaseStenosis]:
-    built = {p.stenosis: p.name for p in segments(tree, stenoses) if p.stenosis}
+    parts = segments(tree, stenoses)
+    built = {p.stenosis: p.name for p in parts if p.stenosis}
     places = {} if description.stenoses == "auto" else {place.name: place for place in description.stenoses}
     by_name = {s.name: s for s in stenoses}
     result = []
@@ -306,13 +310,22 @@ def _stenoses(
                 area_ratio=ratio,
                 start=stenosis.start if stenosis else None,
                 end=stenosis.end if stenosis else None,
-                ffr=topology.outlet(block),
+                ffr=topology.outlet(_read_behind(parts, stenosis, block)),
                 flow=topology.inlet(block),
                 root=topology.inlet(_branch_root(topology, block, artery, outlets)),
                 outlet=_main_outlet(topology, block, artery, outlets),
+                read=stenosis.read if stenosis else None,
             )
         )
     return sorted(result, key=lambda s: (ARTERIES.index(s.artery), len(topology.path(s.segment)), s.start or 0.0))
+
+
+def _read_behind(parts: list[Segment], stenosis: Stenosis | None, block: str) -> str:
+    """Return the 0D vessel at whose end FFR is read: the last before its place, or that of the stenosis."""
+    if stenosis is None or stenosis.read is None:
+        return block
+    place = stenosis.read.arc
+    return min((p for p in parts if p.vessel == stenosis.vessel), key=lambda part: abs(part.end - place)).name
 
 
 def _artery(

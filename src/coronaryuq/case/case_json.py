@@ -13,6 +13,8 @@ Branch = Literal["LAD", "LCx", "RCA"]
 Artery = Literal["LM", "LAD", "LCx", "RCA"]
 Tissue = Literal["LV", "RV", "septum"]
 AnatomyKind = Literal["centrelines", "surface", "simvascular", "mesh"]
+Stop = Literal["end", "branch", "stenosis"]
+"""What keeps the place of FFR nearer to its stenosis than asked."""
 Positive = Annotated[float, Field(gt=0)]
 Point = tuple[float, float, float]
 
@@ -49,12 +51,23 @@ class CaseOutlet(_Part):
     radius: Positive
 
 
+class FfrPlace(_Part):
+    """Where FFR of a stenosis is read: at `arc` (cm along its vessel); `asked`: distance (cm) asked beyond its end.
+
+    stop: what kept the place nearer than that, if anything did: the vessel's end, its branching, or the next stenosis.
+    """
+
+    arc: float
+    asked: float
+    stop: Stop | None = None
+
+
 class CaseStenosis(_Part):
     """A stenosis: its artery, its tree vessel and extent (cm along it), its 0D vessels, and the 0D locations around it.
 
     `start` and `end` are None for a stenosis that is known only as a 0D block. `ffr` is the location distal to it,
     `flow` its inlet, `root` the inlet of the branch's first vessel, and `outlet` the boundary condition whose flow
-    predicts its wall shear stress.
+    predicts its wall shear stress. `read` is None where 0D reads FFR at its end, 3D as the mesh settings say.
     """
 
     name: str
@@ -70,6 +83,7 @@ class CaseStenosis(_Part):
     flow: str
     root: str
     outlet: str
+    read: FfrPlace | None = None
 
 
 class TargetValue(_Part):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.case.anatomy.ffr_place import STOPS
 from coronaryuq.case.case_json import CaseStenosis
 from coronaryuq.estimation.results import NUMERICAL, STATISTICAL, EstimatorReport, Probability, RowReport, Value
 from coronaryuq.figures.style import colour
@@ -28,7 +29,7 @@ class Lesion:
     """What the page knows of a stenosis besides its estimates.
 
     inputs: name of each input of the posterior. reading: distance (cm) beyond the lesion at which 3D FFR is read, None
-    where there is no such plane.
+    where there is no such plane; the 0D distance follows from the stenosis.
     """
 
     stenosis: CaseStenosis
@@ -63,7 +64,7 @@ def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
         "limit": _limit(zones),
         **verdict,
         "sentence": _sentence(verdict["verdict"], patient, zones),
-        "reading": _reading(lesion.reading),
+        "reading": _reading(lesion.stenosis, lesion.reading),
         "change": _what_would_change(lesion, ffr_row, patient, zones),
         "mean": quantity_cell(ffr_row, rows, lesion.mesh),
         "budget": error_budget(estimate) | {"std": digits.error(estimate.std)},
@@ -176,13 +177,19 @@ def _below(zones: Sequence[Probability]) -> str:
     return _probability(zones[-1].complement)["value"]
 
 
-def _reading(distance: float | None) -> dict:
-    """Return where FFR is read, and whether that is where experts advise to."""
+def _reading(stenosis: CaseStenosis, distance: float | None) -> dict:
+    """Return where FFR is read, by 3D and by 0D if elsewhere, and whether that is where experts advise to."""
     if distance is None:
         return {"words": "", "advised": True}
-    mm = round(10 * distance)
+    mm, read = round(10 * distance), stenosis.read
+    in_0d = 0.0 if read is None or stenosis.end is None else 10 * (read.arc - stenosis.end)
+    words = f"{mm} mm beyond the lesion"
+    if abs(10 * distance - in_0d) >= 1:
+        words += f" by 3D, {f'{in_0d:.0f} mm beyond it' if in_0d >= 0.5 else 'at its end'} by 0D"
+    if read is not None and read.stop is not None:
+        words += f", {STOPS[read.stop]} ({10 * read.asked:g} mm were asked for)"
     advised = ADVISED_MM[0] <= mm <= ADVISED_MM[1]
-    return {"words": f"{mm} mm beyond the lesion", "advised": advised, "advice": "{} to {} mm".format(*ADVISED_MM)}
+    return {"words": words, "advised": advised, "advice": "{} to {} mm".format(*ADVISED_MM)}
 
 
 def _what_would_change(lesion: Lesion, row: RowReport, patient: dict, zones: Sequence[Probability]) -> list[str]:

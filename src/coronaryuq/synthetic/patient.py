@@ -103,7 +103,9 @@ def description(patient: Patient, text: str, also: Mapping[str, Any]) -> str:
         "targets: targets.csv\n"
         f"period: {settings.period:.6g}\n"
         f"hyperaemia: {settings.hyperaemia:.6g}\n"
-        f"stenoses:\n{stenoses}" + (yaml.safe_dump(dict(also), sort_keys=False) if also else "")
+        f"stenoses:\n{stenoses}"
+        # The paper's places; the truth of the patient is there, too.
+        "ffr_beyond_mm: null\n" + (yaml.safe_dump(dict(also), sort_keys=False) if also else "")
     )
 
 

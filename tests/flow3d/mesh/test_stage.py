@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from coronaryuq.case.anatomy.ffr_place import with_ffr_places
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, write_tree
 from coronaryuq.case.network.along_tree import vessels_along
 from coronaryuq.core.errors import InputError
@@ -254,6 +255,17 @@ def test_mesh_json_holds_the_returned_description(stenosed):
     out, content, *_ = stenosed
     assert read_description(out / "mesh.json") == content
     assert read_json(out / "mesh.json") == content.content()
+
+
+@pytest.mark.slow
+def test_the_plane_of_ffr_lies_at_the_place_of_the_case(tmp_path, coarse):
+    """However many diameters beyond the mesh settings ask for; FFR of 0D is read at the same arc length."""
+    tree, (stenosis,) = tube(length=4.0, severity=0.4)
+    placed = with_ffr_places(tree, [Stenosis("LAD", "LAD", 1.0, stenosis.end)], 0.9)
+    content = mesh_tree(tree, placed, network_of(tree, placed), coarse, tmp_path)
+    plane = content.planes["LAD"]
+    assert plane.point[0] == pytest.approx(stenosis.end + 0.9, abs=1e-6)
+    assert plane.distance_from_throat == pytest.approx(stenosis.end + 0.9 - content.regions["LAD"].throat, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coronaryuq.case.case_json import CaseStenosis
+from coronaryuq.case.case_json import CaseStenosis, FfrPlace
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.vtk import read_vtk, write_vtk
 
@@ -76,17 +76,25 @@ class Vessel:
 
 @dataclass(frozen=True)
 class Stenosis:
-    """A stenosis of one vessel between two arc lengths (cm); its name begins the names of its quantities."""
+    """A stenosis of one vessel between two arc lengths (cm); its name begins the names of its quantities.
+
+    read: where its FFR is read, None if no place is asked for.
+    """
 
     name: str
     vessel: str
     start: float
     end: float
+    read: FfrPlace | None = None
 
 
 def placed_stenoses(stenoses: Iterable[CaseStenosis]) -> list[Stenosis]:
     """Return the stenoses of `case.json` that have an extent along a vessel of the tree, in the same order."""
-    return [Stenosis(s.name, s.vessel, s.start, s.end) for s in stenoses if s.start is not None and s.end is not None]
+    return [
+        Stenosis(s.name, s.vessel, s.start, s.end, s.read)
+        for s in stenoses
+        if s.start is not None and s.end is not None
+    ]
 
 
 class Tree:

@@ -272,6 +272,14 @@ class Description(_Model):
         description="Stenoses, any number in an artery; or `auto`: the narrowest of each artery, and others that are "
         "as narrow as the setting `case.serial`."
     )
+    ffr_beyond_mm: float | None = Field(
+        15.0,
+        ge=0,
+        le=50,
+        description="Distance beyond the end of a stenosis at which its FFR is read, mm; experts advise 10 to 20. "
+        "Where the vessel ends or branches, or the next stenosis begins, earlier: the last place before. null: 0D "
+        "reads at the end of the stenosis, and 3D at `mesh.ffr_diameters` beyond it.",
+    )
     targets: str | None = Field(
         None, description="Clinical targets: CSV of name, description and value (or none), or the same in YAML."
     )

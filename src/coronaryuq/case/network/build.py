@@ -96,7 +96,7 @@ class Segment:
 
 
 def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -> list[Segment]:
-    """Return the 0D vessels of a tree, parents first: one per vessel, cut at both ends of every stenosis.
+    """Return the 0D vessels of a tree, parents first: one per vessel, cut at ends of stenoses and where FFR is read.
 
     Inner vessels become `NAME_seg0`, `NAME_seg1`, ...; the last part of a vessel that ends the tree, or of the aortic
     root, keeps the plain name. An ostial artery starts where it leaves the aorta.
@@ -131,6 +131,10 @@ def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -
                 parts.append((begin, stenosis.start, None))
             parts.append((stenosis.start, min(stenosis.end, vessel.length), stenosis.name))
             begin = stenosis.end
+            room = min((other.start for other in here if other.start > stenosis.start), default=vessel.length)
+            if (read := stenosis.read) and read.arc - begin > shortest and room - read.arc > shortest:
+                parts.append((begin, read.arc, None))
+                begin = read.arc
         if vessel.length - begin > shortest or not parts:
             parts.append((begin, vessel.length, None))
         for k, (start, end, name) in enumerate(parts):

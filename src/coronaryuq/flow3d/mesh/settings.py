@@ -80,7 +80,8 @@ class Settings(BaseModel):
         2.5,
         ge=0.0,
         le=50.0,
-        description="Distance from the stenosis to the plane of the distal pressure of FFR, in local diameters.",
+        description="Distance from the stenosis to the plane of the distal pressure of FFR, in local diameters, "
+        "for cases with `ffr_beyond_mm: null`.",
     )
     time_limit: float = Field(600.0, gt=0.0, description="Maximum CPU time of one meshing attempt of one piece, s.")
     attempts: int = Field(4, ge=1, le=10, description="Meshing attempts per piece before the case is rejected.")

@@ -139,7 +139,7 @@ def mark(
 
 
 def plane(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: Built, diameters: float) -> Plane:
-    """Return the plane of distal pressure, `diameters` local diameters beyond the stenosis.
+    """Return the plane of distal pressure: where the case asks for, or `diameters` local diameters beyond the stenosis.
 
     At most one radius before the end of the mesh, before the next stenosis of the artery, and moved along the artery
     where it would cut a bifurcation.
@@ -151,8 +151,10 @@ def plane(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: B
     last = float(line.offset[-1] - line.along.radii[-1])
     _, after = neighbours(tree, stenosis, stenoses, built)
     last = min(last, max(after, end))
-    wanted = min(end + 2.0 * diameters * radius, last)
+    wanted = min(end + 2.0 * diameters * radius if stenosis.read is None else stenosis.read.arc - place, last)
     places = np.linspace(min(end + radius, last), last, 200)
+    if stenosis.read is not None:
+        places = np.append(places, wanted)
     clear = places[[not line.at_bifurcation(offset) for offset in places]]
     offset = wanted if len(clear) == 0 else float(clear[np.argmin(np.abs(clear - wanted))])
     point, normal, radius, vessel, arc = line.at(offset)

@@ -26,6 +26,8 @@ def segments(
 ) -> Kept:
     """Keep each stenosis with `upstream` and `downstream` diameters of its artery, joining neighbours that overlap.
 
+    Downstream it is kept to one diameter beyond the place at which its FFR is read, if that is farther.
+
     A bifurcation inside the neighbourhood is kept whole, each of its vessels for at least `stub` of its own diameters
     beyond the others' walls. A cut that would fall within a bifurcation is moved before it if half of the requested
     length remains, and beyond it otherwise. A remainder shorter than one diameter at the end of a vessel goes into 3D
@@ -36,7 +38,10 @@ def segments(
         _keep(kept, stenosis.vessel, stenosis.start, stenosis.end)
         vessel = tree[stenosis.vessel]
         _upstream(tree, kept, vessel, stenosis.start, 2.0 * upstream * float(vessel.radius_at(stenosis.start)))
-        _downstream(tree, kept, vessel, stenosis.end, 2.0 * downstream * float(vessel.radius_at(stenosis.end)))
+        behind = 2.0 * downstream * float(vessel.radius_at(stenosis.end))
+        if stenosis.read is not None:
+            behind = max(behind, stenosis.read.arc - stenosis.end + 2.0 * float(vessel.radius_at(stenosis.read.arc)))
+        _downstream(tree, kept, vessel, stenosis.end, behind)
     _complete_bifurcations(tree, kept, stub)
     return kept
 
