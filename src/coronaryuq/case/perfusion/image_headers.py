@@ -79,8 +79,10 @@ def check_header(path: Path, header: Header, placed_otherwise: bool) -> None:
 
 def _nifti(path: Path) -> Header:
     with open(path, "rb") as file:
-        compressed = file.read(2) == b"\x1f\x8b"
-    if compressed != path.name.lower().endswith(".gz"):
+        first = file.read(4)
+    compressed = first.startswith(b"\x1f\x8b")
+    plain = any(int.from_bytes(first, order) in (348, 540) for order in ("little", "big"))
+    if (compressed or plain) and compressed != path.name.lower().endswith(".gz"):
         raise InputError(
             path, None, None, f"is {'' if compressed else 'not '}compressed, unlike its name says; rename it"
         )
