@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.case.anatomy.simvascular import read_project
+from coronaryuq.case.draft.source import recognise
 from coronaryuq.core.errors import InputError
 from support.sv_project import write_contours, write_path, write_vessel
 
@@ -84,6 +85,7 @@ def test_capitals_of_folders_and_endings_do_not_matter(project):
     (project / "paths" / "LAD.pth").rename(project / "paths" / "LAD.PTH")
     tree, notes = read_project(project, 1.0)
     assert {v.name for v in tree.leaves()} == {"aorta", "LAD"} and notes == ()
+    assert recognise(project).kind == "simvascular"
 
 
 def test_of_several_time_steps_the_first_is_taken_with_a_note(project):

@@ -64,6 +64,11 @@ def read_project(folder: str | Path, scale: float, chosen: Sequence[str] = ()) -
     return one_tree(folder, trees, notes), tuple(notes)
 
 
+def is_project(folder: Path) -> bool:
+    """Return whether a folder holds paths and contour groups."""
+    return any(_files(folder, "Paths", ".pth")) and any(_files(folder, "Segmentations", ".ctgr"))
+
+
 def _files(folder: Path, inside: str, ending: str) -> Iterator[Path]:
     """Yield the files of a project's folder; a copy from another system may have changed capitals."""
     for child in sorted(folder.glob("*")):

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from coronaryuq.case.anatomy.centreline_files import TABLES, read_centrelines
-from coronaryuq.case.anatomy.simvascular import read_project
+from coronaryuq.case.anatomy.simvascular import is_project, read_project
 from coronaryuq.case.anatomy.surface import SUFFIXES, Surface, read_surfaces
 from coronaryuq.case.anatomy.synthetic_aorta import CORONARY, is_aorta
 from coronaryuq.case.anatomy.tree import Tree
@@ -109,7 +109,7 @@ def recognise(path: str | Path, groups: Sequence[str] = ()) -> Source:
     """
     path = Path(path)
     if path.is_dir():
-        if (path / "Paths").is_dir() and (path / "Segmentations").is_dir():
+        if is_project(path):
             return Source("simvascular", path, tuple(groups))
         if (path / "mesh-complete.exterior.vtp").is_file():
             return Source("mesh", path)
