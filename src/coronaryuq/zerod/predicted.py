@@ -11,7 +11,7 @@ from coronaryuq.case.case_json import CaseSummary
 from coronaryuq.case.network.build import Segment, shape_integrals
 from coronaryuq.core.units import MMHG
 
-LOWEST, FFR, DROP = "lowest FFR", "FFR", "pressure drop"
+LOWEST, DROP = "lowest FFR", "pressure drop"
 RANGE = {"low": 0.05, "median": 0.5, "high": 0.95}
 """Quantiles by their columns."""
 COLUMNS = ("quantity", "name", "artery", "vessel", "arc", "unit", *RANGE)
