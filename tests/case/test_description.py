@@ -34,6 +34,10 @@ MISTAKES = {
         {"perfusion": "{file: lv.vtu, unit: mL/min/g, length_unit: cm, colour: red}"},
         "perfusion.colour = 'red': unknown field; known fields: file, array",
     ),
+    "unknown field inside a list inside": (
+        {"lumen": "{calcified: [{vessel: lca1, begin: 1, end: 2}]}"},
+        "lumen.calcified.0.begin = 1: unknown field; known fields: vessel, start, end (also: lumen.calcified.0.start)",
+    ),
     "unit": (
         {"perfusion": "{file: lv.vtu, array: MBF, unit: litres, length_unit: cm}"},
         "perfusion.unit = 'litres': input should be 'mL/s/g', 'mL/min/g'",

@@ -1,6 +1,5 @@
 """The fields of `case.yaml`: a patient's files, their units, and blood and tissue properties."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -9,17 +8,16 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    TypeAdapter,
     ValidationError,
     field_validator,
     model_validator,
 )
 
 from coronaryuq.case.case_json import AnatomyKind, Artery, Point
-from coronaryuq.case.description.lumen import CalcifiedStretch, LumenError
+from coronaryuq.case.description.faults import one_line
+from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.description.yaml_file import read_yaml, validated
-from coronaryuq.core.errors import InputError, nearest
 from coronaryuq.core.units import (
     BLOOD_DENSITY,
     BLOOD_VISCOSITY,
@@ -57,17 +55,6 @@ else:
 
 KINDS: tuple[AnatomyKind, ...] = get_args(AnatomyKind)
 ARTERIES: tuple[Artery, ...] = get_args(Artery)
-
-
-OTHER_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
-    "period": {"in ms": lambda x: x / 1000, "a heart rate per min": lambda x: 60 / x},
-    "density": {"in kg/m3": lambda x: x / 1000},
-    "tissue_density": {"in kg/m3": lambda x: x / 1000},
-    "viscosity": {"in cP or mPa s": lambda x: x / 100, "in Pa s": lambda x: 10 * x},
-    "haematocrit": {"in %": lambda x: x / 100},
-    "hyperaemia": {"the factor by which flow rises": lambda x: 1 / x},
-}
-"""Other usual units of a field, and the conversion from them."""
 
 
 class _Model(BaseModel):
@@ -355,61 +342,7 @@ def read_description(path: str | Path) -> Description:
     try:
         return validated(Description, content)
     except ValidationError as errors:
-        raise _one_line(path, errors) from None
-
-
-def _one_line(path: str | Path, errors: ValidationError) -> InputError:
-    # pydantic reports an error for every type of a union: keep only those of the type that the user chose.
-    faults = errors.errors(include_url=False)
-    faults = [e for e in faults if not ("literal['auto']" in e["loc"] and isinstance(e["input"], list))] or faults
-    faults.sort(key=lambda fault: fault["type"] != "extra_forbidden")  # a misspelt field is often a missing one, too
-    first = faults[0]
-    where = [str(part) for part in first["loc"] if not str(part).startswith(("literal[", "list[", "function-"))]
-    field = ".".join(where) or None
-    value = None if first["type"] in ("missing", "value_error") else first["input"]
-    message = first["msg"].removeprefix("Value error, ")
-    if "literal['auto']" in first["loc"]:
-        message = "expected auto, a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or [] for none"
-        faults = [fault for fault in faults if fault["loc"][:1] != first["loc"][:1]]
-        faults.insert(0, first)
-    if first["type"] == "extra_forbidden":
-        fields = _model_at(where[:-1]).model_fields
-        message = f"unknown field; {nearest(where[-1], fields)}known fields: {', '.join(fields)}"
-    elif first["type"] == "missing":
-        message = "required field is missing"
-    elif first["type"].startswith(("greater_than", "less_than")):
-        message += _in_other_units(field, value)
-    others = ", ".join(dict.fromkeys(".".join(map(str, error["loc"])) or "the whole file" for error in faults[1:]))
-    return InputError(path, field, value, message[0].lower() + message[1:] + (f" (also: {others})" if others else ""))
-
-
-def _in_other_units(field: str | None, value: Any) -> str:
-    """Return what a number out of range would be, were it in another usual unit, for a remedy."""
-    for unit, convert in OTHER_UNITS.get(field or "", {}).items():
-        info = Description.model_fields[str(field)]
-        try:
-            converted = convert(float(value))
-            kind: Any = Annotated[info.annotation, *info.metadata]
-            TypeAdapter(kind).validate_python(converted)
-        except (ValidationError, ZeroDivisionError):
-            continue
-        return f"; if {value} is {unit}, write {converted:g}"
-    return ""
-
-
-def _model_at(where: list[str]) -> type[BaseModel]:
-    model: Any = Description
-    inside = {"anatomy": Anatomy, "perfusion": Perfusion, "label": Label, "registration": Registration}
-    inside |= {"territory_flows": TerritoryFlows, "stenoses": StenosisPlace, "systemic_outlets": SystemicOutlet}
-    inside |= {
-        "measurements": Measurements,
-        "lumen": LumenError,
-        "calcified": CalcifiedStretch,
-        "errors": RoutineErrors,
-    }
-    for part in where:
-        model = inside.get(part, model)
-    return model
+        raise one_line(path, errors, Description) from None
 
 
 def schema() -> dict[str, Any]:
