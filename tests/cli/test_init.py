@@ -101,6 +101,20 @@ def test_with_a_map_nothing_is_left_to_ask(here, capsys):
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("surface", [False, True])
+def test_the_commented_place_of_a_wire_is_sound(here, surface):
+    write_lumen(Path("lumen.stl"), short_tree(), 1.0) if surface else write_tree("tree.vtp", small_tree())
+    assert init("lumen.stl" if surface else "tree.vtp", "--yes") == 0
+    fill_flows("10")
+    case = Path("mine/case.yaml")
+    assert case.read_text().count("# ffr_at: [{artery: LAD, distance: ") == 1
+    assert fault() == ""
+    case.write_text(case.read_text().replace("# ffr_at", "ffr_at"))
+    assert fault() == ""
+    (place,) = check(case).case.summary.ffr_at
+    assert (place.artery, place.measured, place.sd) == ("LAD", 0.84, 0.02)
+
+
 def test_the_configuration_is_sound_once_the_flows_are_given(here, monkeypatch):
     write_tree("tree.vtp", small_tree())
     assert init("tree.vtp", "--yes") == 0

@@ -38,6 +38,13 @@ def test_ends_stenoses_territories_and_scale_are_drawn(tmp_path, shown):
     assert (tmp_path / "case.check.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_places_of_a_wire_are_drawn_with_what_was_measured(tmp_path, shown):
+    entries = "[{name: distal, artery: LAD, distance: 5, measured: 0.843}, {artery: RCA, distance: 3}]"
+    found = check(write_case(tmp_path, small_tree(), ffr_at=entries))
+    draw_check(found, None)
+    assert {"FFR at distal, measured 0.84", "FFR at rca1 3.0 cm", "pressure wire"} <= set(shown)
+
+
 def test_an_end_without_a_row_is_asked_for_in_words_and_picture(tmp_path, shown):
     path = write_case(tmp_path, small_tree())
     table = tmp_path / "outlets.csv"

@@ -9,6 +9,7 @@ import numpy as np
 from coronaryuq.case.anatomy.ffr_place import ffr_notes, with_ffr_places
 from coronaryuq.case.anatomy.read import PlacedOutlets, place_outlets, place_stenoses, read_anatomy
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
+from coronaryuq.case.anatomy.wire_places import locate_wire_places
 from coronaryuq.case.case_json import (
     AnatomySource,
     Aorta,
@@ -134,6 +135,7 @@ def assemble(
             notes += (f"{description.network}: pressures in {unit}, converted to dyn/cm2",)
     outlets = _outlets(rows, placed, tree, topology)
     sketch.tree, sketch.outlets = tree, outlets
+    sketch.wire_places = locate_wire_places(path, description, tree, outlets)
     if uncertainty == "full" and anatomy is not None:
         network = _with_uncertain_lumen(path, description, tree, stenoses, network)
     if description.perfusion is not None:
@@ -160,6 +162,7 @@ def assemble(
         outlets=outlets,
         systemic=[bc for bc in topology.vessel_of if topology.kind(bc) == SYSTEMIC],
         stenoses=_stenoses(path, description, tree, stenoses, topology, outlets),
+        ffr_at=sketch.wire_places,
         targets=targets,
         errors=(description.errors or RoutineErrors()) if uncertainty == "full" else None,
         notes=[*notes, *target_notes, *wall.notes],

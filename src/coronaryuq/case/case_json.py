@@ -86,6 +86,21 @@ class CaseStenosis(_Part):
     read: FfrPlace | None = None
 
 
+class CaseWirePlace(_Part):
+    """A place of a pressure wire: `arc` (cm along its tree vessel) and `distance` (cm from the ostium).
+
+    artery: that of the vessel. measured: FFR that was read there, with the standard deviation `sd` of its own error.
+    """
+
+    name: str
+    artery: str
+    vessel: str
+    arc: float
+    distance: float
+    measured: Positive | None = None
+    sd: Positive | None = None
+
+
 class TargetValue(_Part):
     """A clinical target; `value` is None if it was not measured."""
 
@@ -111,6 +126,7 @@ class CaseSummary(_Part):
     outlets: list[CaseOutlet] = Field(min_length=1)
     systemic: list[str]
     stenoses: list[CaseStenosis]
+    ffr_at: list[CaseWirePlace] = []
     targets: dict[str, TargetValue]
     errors: RoutineErrors | None = None
     notes: list[str]

@@ -5,6 +5,7 @@ from collections import Counter
 from coronaryuq.case.anatomy.stenosis_detection import example_stenosis
 from coronaryuq.case.anatomy.tree import AORTA
 from coronaryuq.case.assembly import AssembledCase
+from coronaryuq.case.case_json import CaseWirePlace
 from coronaryuq.case.perfusion.perfusion_map import distances_to_outlets
 from coronaryuq.case.tables.targets import BY_NAME, check_targets
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN
@@ -40,6 +41,7 @@ def describe(case: AssembledCase) -> list[str]:
         narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"
         extent = "" if start is None else f", {start:.2f} to {stenosis.end:.2f} cm"
         lines.append(f"stenosis {stenosis.name}: vessel {stenosis.vessel}{extent}{narrowing}")
+    lines += [_wire_place(case, place) for place in summary.ffr_at]
     if case.description.anatomy is None:
         lines.append("no anatomy, so no 3D runs: only the target `posterior` can be run")
     elif not summary.stenoses:
@@ -51,3 +53,17 @@ def describe(case: AssembledCase) -> list[str]:
     values = [f"{name} {value:.4g} {BY_NAME[name].unit}".removesuffix(" 1") for name, value in targets.items()]
     lines.append(f"targets: {', '.join(values) or 'none'}")
     return lines + [f"note: {note}" for note in summary.notes]
+
+
+def _wire_place(case: AssembledCase, place: CaseWirePlace) -> str:
+    """Return where a place of a pressure wire was found, and what was measured there."""
+    lesions = [s.name for s in case.stenoses if s.vessel == place.vessel and s.start < place.arc < s.end]
+    diameter = 20 * float(case.tree[place.vessel].radius_at(place.arc))
+    line = (
+        f"FFR at {place.name}: {place.artery}, vessel {place.vessel} at {place.arc:.2f} cm, {place.distance:.2f} cm "
+        f"from the ostium, {diameter:.1f} mm in diameter"
+    )
+    line += f", inside the {lesions[0]} stenosis" if lesions else ""
+    if place.measured is None:
+        return f"{line}; none measured"
+    return f"{line}; measured {place.measured:g}" + ("" if place.sd is None else f" (sd {place.sd:g})")

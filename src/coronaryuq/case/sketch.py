@@ -7,7 +7,7 @@ from pathlib import Path
 from coronaryuq.case.anatomy.read import PlacedOutlets
 from coronaryuq.case.anatomy.synthetic_aorta import is_aorta
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel
-from coronaryuq.case.case_json import CaseOutlet
+from coronaryuq.case.case_json import CaseOutlet, CaseWirePlace
 from coronaryuq.case.perfusion.perfusion_map import Wall
 from coronaryuq.case.tables.read import OutletRow
 from coronaryuq.core.units import LENGTHS
@@ -38,8 +38,8 @@ class Sketch:
         Rows of the outlets table.
     tree, placed, stenoses
         Vessels, their ends' outlets, stenoses.
-    outlets, wall
-        Coronary outlets of the finished case, the left ventricular wall.
+    outlets, wire_places, wall
+        Coronary outlets of the finished case, places of a pressure wire, the left ventricular wall.
     unit
         Length unit of the anatomy; None without an anatomy.
     file
@@ -51,6 +51,7 @@ class Sketch:
     placed: PlacedOutlets | None = None
     stenoses: list[Stenosis] = field(default_factory=list)
     outlets: list[CaseOutlet] = field(default_factory=list)
+    wire_places: list[CaseWirePlace] = field(default_factory=list)
     wall: Wall | None = None
     unit: str | None = None
     file: Path | None = None

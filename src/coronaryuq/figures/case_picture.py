@@ -15,8 +15,8 @@ MOST_CELLS = 4000
 """Cells of the wall that are drawn."""
 SCALE_BARS = (0.5, 1.0, 2.0, 5.0)
 """cm."""
-UNKNOWN, STENOSIS = "#CC79A7", "#F0E442"
-"""Of ends without a row, and of stenoses; no artery has them."""
+UNKNOWN, STENOSIS, WIRE = "#CC79A7", "#F0E442", "#7B3294"
+"""Of ends without a row, of stenoses and of a pressure wire's places; no artery has them."""
 WIDTH = 7.5
 """Inches."""
 LETTER = 0.0135
@@ -24,7 +24,7 @@ LETTER = 0.0135
 
 
 def case_picture(sketch: Sketch, output: Output) -> None:
-    """Draw tree, ends, stenoses, territories if there is a map, and a scale bar.
+    """Draw tree, ends, stenoses, places of a pressure wire, territories if there is a map, and a scale bar.
 
     Parameters
     ----------
@@ -51,6 +51,11 @@ def case_picture(sketch: Sketch, output: Output) -> None:
                 axes.plot(*flat(part.points).T, color=ink, lw=lw, solid_capstyle="butt", zorder=4)
             text = f"{stenosis.name} stenosis, {1 - area_ratio(tree, stenosis):.0%} of the area"
             places.append(_Place(part.position_at(part.length / 2), text, DARK, False))
+        for place in sketch.wire_places:
+            point = tree[place.vessel].position_at(place.arc)
+            axes.plot(*flat(point)[0], "D", color=WIRE, ms=6, mec="white", mew=0.8, zorder=6)
+            measured = "" if place.measured is None else f", measured {place.measured:.2f}"
+            places.append(_Place(point, f"FFR at {place.name}{measured}", WIRE, False))
         _label(axes, places, flat, max(wide, high))
         axes.set_aspect("equal")
         axes.axis("off")
@@ -153,6 +158,7 @@ def _legend(axes, tree: Tree, roles: list[EndRole], sketch: Sketch) -> None:
     shown += [("left main or trunk", DARK)] if any(v.branch in ("LM", "coronary") for v in tree) else []
     shown += [("aorta", "#DDDDDD")] if any(v.branch == AORTA for v in tree) else []
     shown += [("stenosis", STENOSIS)] if sketch.stenoses else []
+    shown += [("pressure wire", WIRE)] if sketch.wire_places else []
     shown += [("no row: what is it?", UNKNOWN)] if any(role.artery is None for role in roles) else []
     handles = [axes.plot([], [], color=ink, lw=3, label=name)[0] for name, ink in shown]
     title = "" if sketch.unit is None else f"read in {sketch.unit}"

@@ -1,6 +1,6 @@
 """Vessels of the tree by the names that a reader knows: LAD, D1, LM."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel
 from coronaryuq.case.case_json import CaseOutlet
@@ -20,8 +20,38 @@ def readable_names(tree: Tree, outlets: Iterable[CaseOutlet]) -> dict[str, str]:
         Outlets of the case.
     """
     labels = {outlet.vessel: outlet.label for outlet in outlets}
-    main = {name: branch for branch in {v.branch for v in tree} - {AORTA} for name in _course_of(tree, branch, labels)}
+    branches = {v.branch for v in tree} - {AORTA}
+    main = {v.name: branch for branch in branches for v in course(tree, branch, labels) if v.branch == branch}
     return {vessel.name: _name(tree, vessel, labels, main) for vessel in tree}
+
+
+def course(tree: Tree, artery: str, labels: Mapping[str, str]) -> list[Vessel]:
+    """Return the vessels from the aorta along an artery to its own end; empty if the tree has none of it.
+
+    Its own end is the one that has its name, or else of the dominant artery the PDA; else the end towards which most
+    ends are fed. The left main ends at its bifurcation.
+
+    Parameters
+    ----------
+    tree
+        The centreline tree.
+    artery
+        Branch of the tree.
+    labels
+        Vessel that ends in an outlet → label of the outlet.
+    """
+    own = [vessel for vessel in tree if vessel.branch == artery]
+    for label in (artery, "PDA"):
+        ends = [vessel for vessel in own if labels.get(vessel.name) == label]
+        if ends:
+            return _coronary_path(tree, ends[0])
+    starts = [vessel for vessel in own if vessel.parent is None or tree[vessel.parent].branch != artery]
+    paths = [_coronary_path(tree, [v for v in _along(tree, start) if v.branch == artery][-1]) for start in starts]
+    return max(paths, key=lambda path: sum(vessel.length for vessel in path), default=[])
+
+
+def _coronary_path(tree: Tree, last: Vessel) -> list[Vessel]:
+    return [vessel for vessel in tree.path(last.name) if vessel.branch != AORTA]
 
 
 def _name(tree: Tree, vessel: Vessel, labels: dict[str, str], main: dict[str, str]) -> str:
@@ -32,17 +62,6 @@ def _name(tree: Tree, vessel: Vessel, labels: dict[str, str], main: dict[str, st
     if vessel.name in main:
         return main[vessel.name]
     return labels.get(_along(tree, vessel)[-1].name, vessel.branch)
-
-
-def _course_of(tree: Tree, branch: str, labels: dict[str, str]) -> list[str]:
-    """Return the vessels along an artery: to the outlet that has its name, or else where most outlets are fed."""
-    own = [vessel for vessel in tree if vessel.branch == branch]
-    for vessel in own:
-        if labels.get(vessel.name) == branch:
-            return [part.name for part in tree.path(vessel.name) if part.branch == branch]
-    starts = [vessel for vessel in own if vessel.parent is None or tree[vessel.parent].branch != branch]
-    course = [part for start in starts for part in _along(tree, start)]
-    return [part.name for part in course if part.branch == branch and part.name not in labels]
 
 
 def _along(tree: Tree, vessel: Vessel) -> list[Vessel]:

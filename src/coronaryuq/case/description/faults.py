@@ -15,8 +15,10 @@ OTHER_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
     "viscosity": {"in cP or mPa s": lambda x: x / 100, "in Pa s": lambda x: 10 * x},
     "haematocrit": {"in %": lambda x: x / 100},
     "hyperaemia": {"the factor by which flow rises": lambda x: 1 / x},
+    "ffr_at.measured": {"in %": lambda x: x / 100},
+    "ffr_at.sd": {"in %": lambda x: x / 100},
 }
-"""Other usual units of a field, and the conversion from them."""
+"""Other usual units of a field (blocks before it, without numbers of entries), and the conversion from them."""
 
 
 def one_line(path: str | Path, errors: ValidationError, model: type[BaseModel]) -> InputError:
@@ -50,15 +52,16 @@ def one_line(path: str | Path, errors: ValidationError, model: type[BaseModel]) 
     elif first["type"] == "missing":
         message = "required field is missing"
     elif first["type"].startswith(("greater_than", "less_than")):
-        message += _in_other_units(model, field, value)
+        message += _in_other_units(model, where, value)
     others = ", ".join(dict.fromkeys(".".join(map(str, error["loc"])) or "the whole file" for error in faults[1:]))
     return InputError(path, field, value, message[0].lower() + message[1:] + (f" (also: {others})" if others else ""))
 
 
-def _in_other_units(model: type[BaseModel], field: str | None, value: Any) -> str:
+def _in_other_units(model: type[BaseModel], where: Sequence[str], value: Any) -> str:
     """Return what a number out of range would be, were it in another usual unit, for a remedy."""
-    for unit, convert in OTHER_UNITS.get(field or "", {}).items():
-        info = model.model_fields[str(field)]
+    field = ".".join(part for part in where if not part.isdigit())
+    for unit, convert in OTHER_UNITS.get(field, {}).items():
+        info = _model_at(model, where[:-1]).model_fields[where[-1]]
         try:
             converted = convert(float(value))
             kind: Any = Annotated[info.annotation, *info.metadata]

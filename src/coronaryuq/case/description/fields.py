@@ -17,6 +17,7 @@ from coronaryuq.case.case_json import AnatomyKind, Artery, Point
 from coronaryuq.case.description.faults import one_line
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.description.routine import RoutineErrors
+from coronaryuq.case.description.wire_place import WirePlace
 from coronaryuq.case.description.yaml_file import read_yaml, validated
 from coronaryuq.core.units import (
     BLOOD_DENSITY,
@@ -267,6 +268,10 @@ class Description(_Model):
         "Where the vessel ends or branches, or the next stenosis begins, earlier: the last place before. null: 0D "
         "reads at the end of the stenosis, and 3D at `mesh.ffr_diameters` beyond it.",
     )
+    ffr_at: list[WirePlace] = Field(
+        default_factory=list,
+        description="Places of a pressure wire at which FFR is predicted, with the measured value if there is one.",
+    )
     targets: str | None = Field(
         None, description="Clinical targets: CSV of name, description and value (or none), or the same in YAML."
     )
@@ -311,6 +316,8 @@ class Description(_Model):
             raise ValueError("give anatomy, or network, or both")
         if (self.perfusion is None) == (self.territory_flows is None):
             raise ValueError("give perfusion (a map) or territory_flows (a table), exactly one")
+        if self.anatomy is None and self.ffr_at:
+            raise ValueError("ffr_at needs an anatomy: a network alone has no places along an artery")
         if isinstance(self.stenoses, list):
             names = [s.name.lower() for s in self.stenoses]
             for s in self.stenoses:

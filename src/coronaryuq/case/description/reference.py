@@ -15,6 +15,7 @@ from coronaryuq.case.description.fields import (
     SystemicOutlet,
     TerritoryFlows,
 )
+from coronaryuq.case.description.wire_place import WirePlace
 
 BLOCKS: dict[str, type[BaseModel]] = {
     "case.yaml": Description,
@@ -24,6 +25,7 @@ BLOCKS: dict[str, type[BaseModel]] = {
     "perfusion.registration": Registration,
     "territory_flows": TerritoryFlows,
     "stenoses": StenosisPlace,
+    "ffr_at": WirePlace,
     "systemic_outlets": SystemicOutlet,
     "measurements": Measurements,
 }
@@ -33,7 +35,7 @@ def reference() -> str:
     """Write Markdown tables of fields, defaults and meanings, one per block, from the models that check them."""
     parts = []
     for name, model in BLOCKS.items():
-        each = " (each)" if name in ("stenoses", "systemic_outlets") else ""
+        each = " (each)" if name in ("stenoses", "ffr_at", "systemic_outlets") else ""
         parts += [f"### `{name}`{each}", "", "| field | default | description |", "|---|---|---|", *_rows(model), ""]
     return "\n".join(parts)
 

@@ -1,7 +1,7 @@
 """A draft of `case.yaml`: outlets with their roles, stenoses, and notes on what was taken for granted."""
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,8 @@ from coronaryuq.case.anatomy.closed_lumen import AORTIC
 from coronaryuq.case.anatomy.read import place_outlets, read_anatomy
 from coronaryuq.case.anatomy.stenosis_detection import detected_stenoses
 from coronaryuq.case.anatomy.tree import AORTA, Tree, area_ratio
+from coronaryuq.case.anatomy.vessel_names import course
+from coronaryuq.case.anatomy.wire_places import distance_from_ostium
 from coronaryuq.case.case_json import Branch, Point, Tissue
 from coronaryuq.case.description.fields import Anatomy, Description, SystemicOutlet, TerritoryFlows
 from coronaryuq.case.draft.labels import BRANCHES, artery_of, label_ends, tissue_of
@@ -61,6 +63,8 @@ class Draft:
         Coronary outlets.
     stenoses
         Narrowings that were found.
+    wire_place
+        Example of an entry of `ffr_at`, whose measured value is invented; None for a network.
     inlet, systemic
         Aortic inlet and outlets, where `case.yaml` has to name them.
     tree
@@ -73,6 +77,7 @@ class Draft:
     rows: list[DraftRow]
     unit: str | None = None
     stenoses: list[DraftStenosis] = field(default_factory=list)
+    wire_place: dict[str, Any] | None = None
     inlet: Point | None = None
     systemic: list[dict[str, Any]] = field(default_factory=list)
     tree: Tree | None = None
@@ -201,7 +206,21 @@ def _with_stenoses(draft: Draft, settings: Settings) -> Draft:
         )
         for s in detected_stenoses(tree, settings.narrowing, settings.serial)
     ]
-    return replace(draft, stenoses=stenoses, tree=tree, notes=notes + placed.notes)
+    labels = {placed.vessels[row.name]: row.label for row in draft.rows}
+    wire_place = _example_of_a_wire_place(tree, labels)
+    return replace(draft, stenoses=stenoses, wire_place=wire_place, tree=tree, notes=notes + placed.notes)
+
+
+def _example_of_a_wire_place(tree: Tree, labels: Mapping[str, str]) -> dict[str, Any] | None:
+    """Return an entry of `ffr_at`: three quarters down the first of LAD, LCx and RCA that the tree has."""
+    for artery in BRANCHES:
+        if vessels := course(tree, artery, labels):
+            try:
+                whole = distance_from_ostium(tree, vessels[-1].name, vessels[-1].length)
+            except ValueError:  # it never leaves the aorta, which `check` tells
+                continue
+            return {"artery": artery, "distance": round(0.75 * whole, 1), "measured": 0.84, "sd": 0.02}
+    return None
 
 
 def draft_network(source: Source) -> Draft:

@@ -195,6 +195,11 @@ def case_text(folder: Path, name: str, draft: Draft, inputs: Inputs) -> str:
         lines += [f"  - {_flow(s.entry)}  # {s.narrowing:.0%} of the area" for s in draft.stenoses]
     else:
         lines.append("stenoses: []")
+    if draft.wire_place is not None:
+        lines += [
+            "# FFR where a pressure wire was read, by distance from the ostium in cm or by a point. With your values:",
+            f"# ffr_at: [{_flow(draft.wire_place)}]",
+        ]
     if inputs.perfusion is not None:
         map_ = dict(inputs.perfusion)
         lines.append(f"perfusion: {_flow(map_ | {'file': there(Path(map_['file']))})}")
