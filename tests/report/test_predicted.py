@@ -58,13 +58,14 @@ def test_a_place_of_a_wire_has_its_measured_value_and_how_the_prediction_compare
     assert distal["comparison"] == "predicted 0.09 lower; outside 0.69 to 0.81"
     assert (exact["measured"], exact["with_sd"], exact["apart"]) == ("0.75", False, False)
     assert exact["comparison"] == "predicted alike; within 0.70 to 0.80"
-    assert "measured" not in unmeasured and unmeasured["name"] == "LCx 1.0 cm"
+    assert (unmeasured["measured"], unmeasured["comparison"]) == ("", "") and unmeasured["name"] == "LCx 1.0 cm"
 
 
 @pytest.mark.parametrize(
     ("kept", "told", "untold"),
     [
         (["distal"], ["holds it and the range of states together"], ["does not hold the wire's own error"]),
+        (["LAD", "distal", "exact"], ["holds it and the range of states", "does not hold the wire's own error"], []),
         (["exact"], ["does not hold the wire's own error"], ["holds it and the range"]),
         (["LCx 1.0 cm"], [], ["Comparison", "A measured FFR is compared"]),
     ],

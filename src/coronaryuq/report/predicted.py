@@ -34,8 +34,8 @@ def lines(predicted: pd.DataFrame, readings: Readings) -> list[dict]:
     """Return the lines of the page's table, one per row of `predicted.csv`.
 
     Each has `name`, `colour` of the artery, `what`, `where`, `median`, `range`, and `below`: whether the median of an
-    FFR is at most 0.80; `measured`, `comparison` and `with_sd` (whether the wire's error is known) where one was
-    measured.
+    FFR is at most 0.80; of a place of a wire `measured` and `comparison`, empty if none was measured, `apart`, whether
+    they disagree, and `with_sd`, whether the wire's error is known.
     """
     result = []
     for row in predicted.to_dict("records"):
@@ -66,9 +66,9 @@ def _where(row: Mapping[str, Any], readings: Readings) -> str:
 
 
 def _comparison(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the measured value and how the prediction compares, in words; empty where none was measured."""
+    """Return the measured value and how the prediction compares, in words; empty texts where none was measured."""
     if pd.isna(row["measured"]):
-        return {}
+        return {"measured": "", "comparison": "", "apart": False, "with_sd": False}
     with_sd, difference = not pd.isna(row["sd"]), row["difference"]
     lies = "within" if row["within"] == "yes" else "outside"
     same = abs(difference) < 0.005
