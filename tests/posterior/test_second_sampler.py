@@ -7,8 +7,8 @@ import pytest
 
 from coronaryuq.bench.dream import SEED, bundled_files, target_of
 from coronaryuq.posterior import stage
-from coronaryuq.posterior.model.emulator import design
 from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.linearised import Linearised
 from coronaryuq.posterior.model.total_resistance import Conditioned
 from coronaryuq.posterior.sampler.diagnostics import effective_size
 from coronaryuq.posterior.settings import Settings
@@ -43,7 +43,7 @@ def test_agrees_with_emcee_on_the_bundled_patient(tmp_path):
     model, likelihood = target_of(files, settings)
     space = Conditioned(model.weights, settings.prior)
     posterior = Posterior(model, space, likelihood)
-    start = design(space, likelihood, *fit, 32, np.random.default_rng(SEED + 1))
+    start = Linearised.about(space, likelihood, *fit).design(space, 32, np.random.default_rng(SEED + 1))
     # Not emcee's DESnookerMove: of a standard normal in 13 dimensions it gives a standard deviation of 0.92.
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.StretchMove(), 0.2)]
     sampler = emcee.EnsembleSampler(32, space.dimension, lambda y: posterior(y)[0], moves=moves, vectorize=True)

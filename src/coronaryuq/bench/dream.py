@@ -18,9 +18,10 @@ from coronaryuq.perfusion.settings import Settings as PerfusionSettings
 from coronaryuq.perfusion.targets import read_perfusion_targets
 from coronaryuq.posterior import stage as posterior
 from coronaryuq.posterior.model.bed_flows import BedFlows
-from coronaryuq.posterior.model.emulator import Emulator, design, design_size
+from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.linearised import Linearised, design_size
 from coronaryuq.posterior.model.total_resistance import Conditioned
 from coronaryuq.posterior.results import Chains
 from coronaryuq.posterior.sampler.diagnostics import effective_size, split_rhat
@@ -133,7 +134,8 @@ def _library(model: BedFlows, likelihood: Likelihood, chains: Chains, settings: 
     if quick:
         random = np.random.default_rng(SEED)
         count = design_size(space.dimension)
-        y = design(space, likelihood, chains.fit_multipliers, chains.fit_flows, count, random)
+        linearised = Linearised.about(space, likelihood, chains.fit_multipliers, chains.fit_flows)
+        y = linearised.design(space, count, random)
         emulator = Emulator.fit(y, space.multipliers(y), model.flows(space.multipliers(y)))
         per_step, _ = ensemble(emulator.screen(space, likelihood), 10_000)
     return {

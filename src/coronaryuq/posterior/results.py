@@ -125,8 +125,9 @@ class EmulatorUse:
 class IndependenceUse:
     """Were independence steps taken, and how good is the emulator for them?
 
-    k_hat: Pareto k of the ratios of model to emulator at all proposals; pilot_k_hat: at the pilot runs, which decides.
-    Both are None where no such runs were made. warning: why DREAM ran instead, or what is wrong with the steps.
+    k_hat: Pareto k of the ratios of model to emulator at all proposals, also those of delayed acceptance; pilot_k_hat:
+    at the last pilot runs, which decide. Both are None where no such runs were made. warning: why DREAM ran instead,
+    and that the emulator is too poor for either.
     """
 
     used: bool

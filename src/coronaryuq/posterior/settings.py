@@ -73,11 +73,11 @@ class IndependenceSettings(BaseModel):
     )
     draws: int = Field(200, ge=20, description="Draws of each chain, burn-in included; each is one 0D run.")
     k_limit: float = Field(
-        0.7,
+        0.5,
         gt=0,
         le=1,
-        description="Independence steps are taken if Pareto k of the pilot runs is below this, or if their ratios "
-        "hardly differ.",
+        description="Independence steps are taken if Pareto k of the pilot runs is below this, or if no ratio "
+        "is twice their mean. Averages over the chains have a finite variance below 0.5.",
     )
 
 

@@ -131,15 +131,15 @@ def summarise(
 
 
 def _independence(chains: Chains, limit: float) -> IndependenceUse:
-    k_hat, weights = pareto_smoothed(chains.log_weight.reshape(-1)) if chains.independent else (np.nan, np.ones(1))
-    warning = chains.refused or None
-    if chains.independent and not good_enough(k_hat, weights, limit):
-        warning = (
-            f"Pareto k of the ratios of 0D model to emulator is {k_hat:.2f}, should be below {limit}; "
-            "compare with independence.use: false"
+    k_hat, weights = pareto_smoothed(chains.log_weight.reshape(-1)) if chains.emulated else (np.nan, np.ones(1))
+    told = [chains.refused] if chains.refused else []
+    if chains.emulated and not good_enough(k_hat, weights, limit):
+        told.append(
+            f"Pareto k of the ratios of 0D model to emulator is {k_hat:.2f}, should be below {limit}: effective sample "
+            "sizes may be overstated; compare with emulator.use: false"
         )
     pilot, whole = (float(k) if np.isfinite(k) else None for k in (chains.pilot_k_hat, k_hat))
-    return IndependenceUse(chains.independent, pilot, whole, warning)
+    return IndependenceUse(chains.independent, pilot, whole, "; ".join(told) or None)
 
 
 def by_name(names: list[str], values: np.ndarray) -> dict[str, float]:

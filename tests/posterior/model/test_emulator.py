@@ -1,11 +1,13 @@
 """Fit of flow fractions, design, emulator: accurate near the posterior, and the same density as the model's."""
 
 import numpy as np
+from scipy import stats
 
-from coronaryuq.posterior.model.emulator import Emulator, design, design_size
+from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.linearised import Linearised, design_size
 from coronaryuq.posterior.model.total_resistance import Conditioned
 from support.resistor_tree import ResistorTree, targets_of
 
@@ -16,7 +18,9 @@ def prepared(count=14):
     space = Conditioned(tree.weights, (0.5, 2.0))
     fit = fit_fractions(tree.flows, tree.weights, likelihood.mean)
     random = np.random.default_rng(1)
-    y = design(space, likelihood, fit.multipliers, fit.flows, design_size(space.dimension), random)
+    y = Linearised.about(space, likelihood, fit.multipliers, fit.flows).design(
+        space, design_size(space.dimension), random
+    )
     return tree, likelihood, space, fit, Emulator.fit(y, space.multipliers(y), tree.flows(space.multipliers(y)))
 
 
@@ -38,7 +42,7 @@ def test_fit_says_how_far_an_unreachable_target_is():
 def test_emulator_is_far_more_accurate_than_the_targets():
     tree, likelihood, space, fit, emulator = prepared()
     random = np.random.default_rng(2)
-    y = design(space, likelihood, fit.multipliers, fit.flows, 500, random, width=1.0)
+    y = Linearised.about(space, likelihood, fit.multipliers, fit.flows).design(space, 500, random, width=1.0)
     m = space.multipliers(y)
     error = np.abs(emulator.flows(y, m) / tree.flows(m) - 1)
     assert error.max() < 0.005
@@ -56,3 +60,19 @@ def test_emulated_density_is_that_of_emulated_flows():
     outside = y + 5.0
     assert np.all(np.isneginf(screen(outside)))
     assert np.all(np.isneginf(space.log_prior(outside)))
+
+
+def test_the_defensive_component_is_a_student_t_with_its_share(count=4):
+    """Beside a Gaussian posterior it has a tenth of the mass; it stays where the emulated posterior vanishes."""
+    _, likelihood, space, fit, emulator = prepared(count)
+    linearised = Linearised.about(space, likelihood, fit.multipliers, fit.flows)
+    centre, precision = linearised.centre, linearised.factor @ linearised.factor.T
+    defended = emulator.defended(linearised, space, likelihood)
+    y = linearised.design(space, 300, np.random.default_rng(0), width=4.0)
+    emulated, mixed = (one.screen(space, likelihood)(y) for one in (emulator, defended))
+    top = emulator.screen(space, likelihood)(centre[None])[0]
+    gaussian = top - stats.multivariate_normal(centre, np.linalg.inv(precision)).logpdf(centre)
+    t = stats.multivariate_t(centre, np.linalg.inv(precision), df=5).logpdf(y)
+    assert np.allclose(mixed, np.logaddexp(emulated, gaussian + np.log(0.1) + t), rtol=1e-9)
+    assert np.max(mixed - emulated) > 4 and np.all(mixed >= emulated)
+    assert np.all(np.isneginf(defended.screen(space, likelihood)(y + 5.0)))

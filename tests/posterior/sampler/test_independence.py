@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from coronaryuq.posterior.sampler.diagnostics import good_enough, pareto_smoothed
-from coronaryuq.posterior.sampler.independence import Independence, Walk, explore
+from coronaryuq.posterior.sampler.exploration import Walk, explore, explorers
+from coronaryuq.posterior.sampler.independence import Independence
 from coronaryuq.posterior.settings import DreamSettings, IndependenceSettings, Settings
 from support.known_targets import assert_moments, ess, exchange_asymmetry, gaussian, no_output, overdispersed
 
@@ -149,16 +150,24 @@ def test_pareto_weights_give_the_target_and_failures_none():
     assert abs(np.sum(weights * x**2) - 1) < 4.5 * np.sqrt(2 / 3600)
 
 
-def test_ratios_that_hardly_differ_are_good_enough_with_any_tail():
+def test_ratios_below_twice_their_mean_are_good_enough_with_any_tail():
     heavy = 2e-4 * 240 / (np.arange(240) + 0.5)
     k, weights = pareto_smoothed(heavy)
-    assert k > 0.7 and good_enough(k, weights, 0.7)
+    assert k > 0.7 and good_enough(k, weights, 0.5) and good_enough(k, weights, -np.inf)
     k, weights = pareto_smoothed(200 * heavy)
-    assert k > 0.7 and not good_enough(k, weights, 0.7)
-    assert not good_enough(np.nan, weights, 0.7)
+    assert k > 0.7 and not good_enough(k, weights, 0.5)
+    assert not good_enough(np.nan, weights, 0.5)
+    weights = np.full(240, 1.0)
+    for largest, good in ((1.9, True), (2.1, False)):
+        weights[0] = largest
+        assert good_enough(0.6, weights / weights.sum(), 0.5) == good
 
 
 def test_pareto_k_needs_enough_runs():
     assert pareto_smoothed(np.zeros(240))[0] == 0
     assert np.isnan(pareto_smoothed(np.linspace(0, 1, 20))[0])
     assert np.isnan(pareto_smoothed(np.where(np.arange(240) < 100, 0.0, -np.inf))[0])
+
+
+def test_chains_on_the_emulator_are_even_and_outnumber_its_dimensions():
+    assert [explorers(24, 5), explorers(24, 12), explorers(24, 13), explorers(12, 41)] == [24, 24, 26, 82]

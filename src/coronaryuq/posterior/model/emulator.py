@@ -1,17 +1,22 @@
 """Emulator of outlet flows: the residual after 1 / resistance is smooth, and a quadratic fits it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import gammaln
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.core.jit import njit
 from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.linearised import Linearised
 from coronaryuq.posterior.model.total_resistance import Conditioned
 
-WIDTH = 1.5
-"""Width of the design over the expected width of the posterior."""
+SHARE = 0.1
+"""Mass of the defensive component over that of the emulated posterior."""
+
+FREEDOM = 5.0
+"""Degrees of freedom of the defensive component."""
 
 
 @dataclass(frozen=True)
@@ -19,13 +24,18 @@ class Emulator:
     """log(f_i m_i), the logarithm of bed i's driving pressure up to a constant, as a quadratic in the coordinates y.
 
     coefficients (features, N): of 1, z_a and z_a z_b (a <= b), z = (y - centre) / scale. `error`: root mean square
-    error of log f held out, per outlet, by ten-fold cross-validation.
+    error of log f held out, per outlet, by ten-fold cross-validation. about (d,), factor (d, d), height: of the
+    defensive component, see `defended`: its centre, the Cholesky factor of its precision, and the logarithm of its
+    density at the centre; minus infinity without one.
     """
 
     centre: np.ndarray
     scale: np.ndarray
     coefficients: np.ndarray
     error: np.ndarray
+    about: np.ndarray
+    factor: np.ndarray
+    height: float = -np.inf
 
     @classmethod
     def fit(cls, y: np.ndarray, multipliers: np.ndarray, flows: np.ndarray) -> "Emulator":
@@ -42,7 +52,34 @@ class Emulator:
                 part = np.linalg.lstsq(features[~out], response[~out], rcond=None)[0]
                 residual[out] = response[out] - features[out] @ part
             coefficients = np.linalg.lstsq(features, response, rcond=None)[0]
-        return cls(centre, scale, coefficients, np.sqrt(np.mean(residual**2, axis=0)))
+        error, d = np.sqrt(np.mean(residual**2, axis=0)), y.shape[1]
+        return cls(centre, scale, coefficients, error, np.zeros(d), np.eye(d))
+
+    @classmethod
+    def of_runs(
+        cls, space: Conditioned, likelihood: Likelihood, linearised: Linearised, y: np.ndarray, flows: np.ndarray
+    ) -> "Emulator":
+        """Fit to runs of the model, flows (n, N) at coordinates y (n, d), and defend."""
+        return cls.fit(space.stepped(y), space.multipliers(y), flows).defended(linearised, space, likelihood)
+
+    def defended(self, linearised: Linearised, space: Conditioned, likelihood: Likelihood) -> "Emulator":
+        """Return the emulator whose posterior q is a mixture with a Student t about the linearised posterior.
+
+        A chain whose proposals follow q stays about p / q draws where the model's posterior p exceeds q, and its
+        averages have a finite variance only if p / q has a finite mean under p (Deligiannidis and Lee, Ann. Appl.
+        Probab. 28, 2018). A quadratic errs most far from its centre, and where it errs by several times the noise, q
+        would vanish and p not. With the mixture p / q is bounded: p falls as the normal prior of the parameters does,
+        or faster, and a Student t slower (a defensive mixture: Hesterberg, Technometrics 37, 1995).
+
+        The mass of the emulated posterior, of which the t has `SHARE`, is taken to be that of a Gaussian as high at the
+        centre as it and as wide as the linearised one.
+        """
+        d = len(linearised.centre)
+        top = float(self.screen(space, likelihood)(linearised.centre[None])[0])
+        # The density of a t at its centre over that of the Gaussian.
+        lower = gammaln(0.5 * (FREEDOM + d)) - gammaln(0.5 * FREEDOM) + 0.5 * d * np.log(2.0 / FREEDOM)
+        height = top + float(lower) + np.log(SHARE)
+        return replace(self, about=linearised.centre, factor=linearised.factor, height=float(height))
 
     def flows(self, y: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
         """Emulated flows (n, N)."""
@@ -52,42 +89,10 @@ class Emulator:
         """Return the emulated log posterior (n,) as a function of x (n, d), up to the constant of `Posterior`."""
         low, high = space.prior
         stepped = space.stepped
-        fixed = (space.basis, self.centre, self.scale, np.ascontiguousarray(self.coefficients.T),
-                 likelihood.mean, likelihood.whitening, likelihood.log_constant, low, high)  # fmt: skip
+        fixed = (space.basis, self.centre, self.scale, np.ascontiguousarray(self.coefficients.T), likelihood.mean,
+                 likelihood.whitening, likelihood.log_constant, low, high,
+                 self.about, self.factor, self.height)  # fmt: skip
         return lambda y: _log_posterior(np.ascontiguousarray(y), np.ascontiguousarray(stepped(y)), *fixed)
-
-
-def design_size(dimension: int) -> int:
-    """Twice the number of coefficients."""
-    return (dimension + 1) * (dimension + 2)
-
-
-def design(
-    space: Conditioned, likelihood: Likelihood, multipliers: np.ndarray, flows: np.ndarray, count: int,
-    random: np.random.Generator, width: float = WIDTH, slope: np.ndarray | None = None,
-) -> np.ndarray:  # fmt: skip
-    """Return design points (count, d) in the box: Gaussian, `width` times as wide as the linearised posterior.
-
-    Linearised: f_i proportional to g_i, its fraction of conductance, about the fit's `multipliers` and `flows` (N,),
-    and to exp(slope_i . z), slope (N, k), in the coordinates of uncertain parameters.
-    """
-    centre, beds = space.coordinates(multipliers[None])[0], space.basis.shape[1]
-    with threadpool_limits(1):
-        by = likelihood.whitening @ ((flows * multipliers)[:, None] * space.basis)
-        if slope is not None:
-            by = np.hstack([by, likelihood.whitening @ (flows[:, None] * slope)])
-        precision = by.T @ by
-        precision[range(beds, space.dimension), range(beds, space.dimension)] += 1.0
-        root = np.linalg.inv(np.linalg.cholesky(precision)).T
-    points: list[np.ndarray] = []
-    while len(points) < count:
-        y = centre + width * np.sum(root * random.standard_normal(space.dimension), axis=1)
-        for _ in range(60):
-            if np.isfinite(space.log_prior(y[None])[0]):
-                points.append(y)
-                break
-            y = 0.9 * y
-    return np.array(points)
 
 
 def _features(z: np.ndarray) -> np.ndarray:
@@ -97,7 +102,8 @@ def _features(z: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _log_posterior(y, smooth, basis, centre, scale, coefficients, mean, whitening, constant, low, high):
+def _log_posterior(y, smooth, basis, centre, scale, coefficients, mean, whitening, constant, low, high,
+                   about, factor, height):  # fmt: skip
     n, d = y.shape
     outlets, beds = basis.shape
     result = np.empty(n)
@@ -135,5 +141,15 @@ def _log_posterior(y, smooth, basis, centre, scale, coefficients, mean, whitenin
             for j in range(i + 1):
                 inner += whitening[i, j] * residual[j]
             total += inner * inner
-        result[row] = prior + constant - 0.5 * total
+        value = prior + constant - 0.5 * total
+        if height > -np.inf:
+            distance = 0.0
+            for a in range(d):
+                inner = 0.0
+                for b in range(a, d):
+                    inner += factor[b, a] * (y[row, b] - about[b])
+                distance += inner * inner
+            defence = height - 0.5 * (FREEDOM + d) * np.log1p(distance / FREEDOM)
+            value = max(value, defence) + np.log1p(np.exp(-abs(value - defence)))
+        result[row] = value
     return result

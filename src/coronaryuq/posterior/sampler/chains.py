@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.posterior.model.emulator import Emulator, design, design_size
+from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.fit_to_fractions import Fit
 from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.linearised import Linearised, design_size
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
 from coronaryuq.posterior.sampler.checkpoint import Prepared, Recorder
 from coronaryuq.posterior.sampler.diagnostics import split_rhat
@@ -38,17 +39,16 @@ def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> P
         start, log_density, flows = _alive(posterior, lambda count: space.draw(random, count), chains)
         return Prepared(fit, None, start, log_density, flows, fit.runs + chains)
     count = max(settings.emulator.design or design_size(space.dimension), chains)
-    y, log_density, flows = _alive(
-        posterior,
-        lambda n: design(space, likelihood, fit.multipliers, fit.flows, n, random, slope=posterior.slope),
-        count,
-    )
-    emulator = posterior.ranks.run_on_first(lambda: Emulator.fit(space.stepped(y), space.multipliers(y), flows))
-    prepared = Prepared(fit, emulator, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
+    linearised = Linearised.about(space, likelihood, fit.multipliers, fit.flows, posterior.slope)
+    y, log_density, flows = _alive(posterior, lambda n: linearised.design(space, n, random), count)
+    prepared = Prepared(fit, None, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
     if not settings.independence.use:
-        return prepared
-    pilot = try_emulator(posterior, emulator.screen(space, likelihood), prepared.start, settings, seed)
-    prepared = replace(prepared, runs=prepared.runs + pilot.runs, k_hat=pilot.k_hat, refused=pilot.refused)
+        emulator = posterior.ranks.run_on_first(lambda: Emulator.of_runs(space, likelihood, linearised, y, flows))
+        return replace(prepared, emulator=emulator)
+    pilot = try_emulator(posterior, linearised, y, flows, settings, seed)
+    prepared = replace(
+        prepared, emulator=pilot.emulator, runs=prepared.runs + pilot.runs, k_hat=pilot.k_hat, refused=pilot.refused
+    )
     if pilot.start is None:
         if posterior.ranks.rank == 0:
             print(f"warning: DREAM without independence steps: {pilot.refused}", file=sys.stderr, flush=True)

@@ -14,7 +14,7 @@ from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.fit_to_fractions import Fit
 from coronaryuq.posterior.model.flow_model import Posterior, Response
 from coronaryuq.posterior.sampler.dream import State
-from coronaryuq.posterior.sampler.independence import Walk
+from coronaryuq.posterior.sampler.exploration import Walk
 
 Item = TypeVar("Item")
 RECORDED = ("position", "log_density", "output", "log_weight")

@@ -1,15 +1,19 @@
 """Independence steps: proposals that end a walk on the emulator long enough to forget where it began."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from coronaryuq.core.seeds import generator
+from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.flow_model import Posterior
-from coronaryuq.posterior.sampler.diagnostics import effective_size, good_enough, pareto_smoothed, split_rhat
+from coronaryuq.posterior.model.linearised import Linearised
+from coronaryuq.posterior.model.total_resistance import Conditioned
+from coronaryuq.posterior.sampler.diagnostics import good_enough, pareto_smoothed
 from coronaryuq.posterior.sampler.dream import Dream, Map, State, Target
-from coronaryuq.posterior.settings import DreamSettings, Settings
+from coronaryuq.posterior.sampler.exploration import EXPLORED, Walk, explore, explorers
+from coronaryuq.posterior.settings import Settings
 
 BURN_IN = 5
 """Draws of each chain to discard: chains start almost in the posterior, and every draw nearly forgets the last one."""
@@ -17,41 +21,20 @@ BURN_IN = 5
 PILOT = 10
 """Pilot runs per chain."""
 
-EXPLORED = 1.05
-"""R-hat below which chains on the emulator have explored it."""
-
-LENGTHS = (1, 4, 16)
-"""Lengths of the chains on the emulator that are tried, over `dream.generations` or `LEAST`."""
-LEAST = 200
-
-KEPT = 100
-"""States of each chain on the emulator that serve as partners."""
-
-AUTOCORRELATION_TIMES = 2.0
-"""Length of a walk: two neighbouring draws are then correlated by a few per cent."""
-
-
-@dataclass(frozen=True)
-class Walk:
-    """How chains move on the emulator, as learnt by DREAM there.
-
-    partners (m, d): states whose differences are the jumps. crossover: probability of each crossover value.
-    generations: of a walk.
-    """
-
-    partners: np.ndarray
-    crossover: np.ndarray
-    generations: int
+ATTEMPTS = 3
+"""Emulators that are tried, each fitted to all runs made so far."""
 
 
 @dataclass(frozen=True)
 class Pilot:
     """First runs of the model at draws of the emulator, and whether independence steps can be taken.
 
-    k_hat: Pareto k of these runs; nan if none was made. refused: why no steps can be taken, or empty. start: if they
-    can, runs drawn in proportion to their smoothed weights: positions (chains, d), log densities, flows (chains, N).
+    emulator: fitted to all runs but those of the last pilot. k_hat: Pareto k of the last pilot's runs; nan if
+    none was made. refused: why no steps can be taken, or empty. start: if they can, runs drawn in proportion to their
+    smoothed weights: positions (chains, d), log densities, flows (chains, N).
     """
 
+    emulator: Emulator
     walk: Walk
     runs: int
     k_hat: float
@@ -97,43 +80,38 @@ def pool_size(count: int, dimension: int) -> int:
     return min(count, max(4 * (dimension + 1), 12))
 
 
-def explore(screen: Map, start: np.ndarray, settings: DreamSettings, seed: int) -> tuple[Walk, float]:
-    """Run DREAM on the emulator, longer if need be, from `start` (chains, d); return the walk and the largest R-hat."""
+def try_emulator(
+    posterior: Posterior, linearised: Linearised, y: np.ndarray, flows: np.ndarray, settings: Settings, seed: int
+) -> Pilot:
+    """Run the model at draws of the emulator and decide by their Pareto k; all ranks together.
 
-    def target(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return screen(x), np.empty((len(x), 0))
-
-    rhat = np.inf
-    for length in LENGTHS:
-        generations = length * max(settings.generations, LEAST)
-        dream = Dream(target, settings.model_copy(update={"generations": generations}), seed)
-        state, states = dream.start(start), []
-        for _ in range(dream.decisions):
-            dream.advance(state)
-            states.append(state.position.copy())
-        kept = np.array(states[dream.burn_in :])
-        rhat = float(split_rhat(kept.swapaxes(0, 1)).max())
-        if rhat < EXPLORED:
+    Where these runs find the emulator too poor, it is fitted to them as well, and tried again: they lie where the first
+    design, coordinates `y` (n, d) with `flows` (n, N), had too few. So it is once wherever that can help, that is
+    unless no ratio is twice their mean.
+    """
+    dream, ranks, space, likelihood = settings.dream, posterior.ranks, posterior.space, posterior.likelihood
+    assert isinstance(space, Conditioned)  # the emulator needs coordinates on the constraint
+    start, made, k_hat, refused = y[: explorers(dream.chains, y.shape[1])], 0, np.nan, ""
+    for attempt in range(ATTEMPTS):
+        emulator = ranks.run_on_first(partial(Emulator.of_runs, space, likelihood, linearised, y, flows))
+        screen = emulator.screen(space, likelihood)
+        walk, rhat = ranks.run_on_first(partial(explore, screen, start, dream, seed))
+        if not rhat < EXPLORED:
+            refused = f"R-hat of chains on the emulator is {rhat:.3f}, should be below {EXPLORED}"
             break
-    time = kept.shape[0] * kept.shape[1] / effective_size(kept.swapaxes(0, 1), "bulk").min()
-    partners = kept[:: -(-len(kept) // KEPT)].reshape(-1, kept.shape[2])
-    return Walk(partners, state.crossover, int(np.ceil(AUTOCORRELATION_TIMES * time))), rhat
-
-
-def try_emulator(posterior: Posterior, screen: Callable, start: np.ndarray, settings: Settings, seed: int) -> Pilot:
-    """Run the model at draws of the emulator and decide by their Pareto k; all ranks together."""
-    walk, rhat = posterior.ranks.run_on_first(lambda: explore(screen, start, settings.dream, seed))
-    if not rhat < EXPLORED:
-        refused = f"R-hat of chains on the emulator is {rhat:.3f}, should be below {EXPLORED}"
-        return Pilot(walk, 0, np.nan, refused, None)
-    chains, limit = settings.dream.chains, settings.independence.k_limit
-    random = generator(seed, "independence", "pilot")
-    count = min(PILOT * chains, len(walk.partners))
-    points = walk.partners[random.choice(len(walk.partners), size=count, replace=False)]
-    log_density, flows = posterior(points)
-    k_hat, weights = pareto_smoothed(log_density - screen(points))
-    if not good_enough(k_hat, weights, limit):
-        refused = f"{count} runs at draws of the emulator have Pareto k {k_hat:.2f}, should be below {limit}"
-        return Pilot(walk, count, k_hat, refused, None)
-    chosen = random.choice(count, size=chains, p=weights)
-    return Pilot(walk, count, k_hat, "", (points[chosen], log_density[chosen], flows[chosen]))
+        random = generator(seed, "independence", "pilot", attempt)
+        count = min(PILOT * dream.chains, len(walk.partners))
+        points = walk.partners[random.choice(len(walk.partners), size=count, replace=False)]
+        log_density, at_points = posterior(points)
+        made += count
+        k_hat, weights = pareto_smoothed(log_density - screen(points))
+        if good_enough(k_hat, weights, settings.independence.k_limit if attempt else -np.inf):
+            chosen = random.choice(count, size=dream.chains, p=weights)
+            return Pilot(emulator, walk, made, k_hat, "", (points[chosen], log_density[chosen], at_points[chosen]))
+        refused = (
+            f"Pareto k of the last {count} of {made} runs at draws of the emulator is {k_hat:.2f}, "
+            f"should be below {settings.independence.k_limit}"
+        )
+        alive = np.isfinite(log_density)
+        y, flows = np.vstack([y, points[alive]]), np.vstack([flows, at_points[alive]])
+    return Pilot(emulator, walk, made, k_hat, refused, None)
