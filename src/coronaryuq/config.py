@@ -7,7 +7,7 @@ from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from coronaryuq.calibration.settings import Settings as CalibrationSettings
 from coronaryuq.case.description.yaml_file import read_yaml, validated
@@ -86,6 +86,13 @@ class Campaign(BaseModel):
     discrepancy: DiscrepancySettings = Field(
         default_factory=DiscrepancySettings, description="Search for effects that the model is missing."
     )
+
+    @model_validator(mode="after")
+    def _no_known_scaling(self) -> "Campaign":
+        """With `full`, the scaling follows from the measured flow, and its distribution is not known."""
+        if self.uncertainty == "full":
+            self.estimation = self.estimation.model_copy(update={"known_scaling": None})
+        return self
 
 
 def load(path: str | Path) -> Campaign:

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.posterior import stage
@@ -12,6 +11,7 @@ from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.total_resistance import Conditioned
 from coronaryuq.posterior.sampler.diagnostics import effective_size
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
+from support.ranks import uniformity
 from support.resistor_tree import ResistorTree, targets_of
 
 
@@ -38,17 +38,6 @@ def ranks_of_truth(replications, settings, folder, relative_sd=0.2, beds=4):
         true_density = likelihood.log_density(tree.flows(truth))
         ranks[replication, beds] = np.sum(likelihood.log_density(flows) < true_density)
     return ranks
-
-
-def uniformity(ranks, chains):
-    """p-value of each column's ranks 0..chains being uniform, in bins of equal width."""
-    bins = np.array_split(np.arange(chains + 1), 13)
-    p_values = []
-    for column in ranks.T:
-        counts = np.array([np.isin(column, bin_).sum() for bin_ in bins])
-        expected = len(column) * np.array([len(bin_) for bin_ in bins]) / (chains + 1)
-        p_values.append(stats.chisquare(counts, expected).pvalue)
-    return np.array(p_values)
 
 
 SHORT = Settings(

@@ -50,3 +50,9 @@ def test_samples_spread_over_the_new_part_first_and_then_over_all():
 def test_every_stretch_of_a_part_is_visited_equally_often():
     rows = drawn(240, [(0, 1), (60, 4)])["BC_a"].to_numpy() - 1
     assert np.ptp(np.bincount((rows // 20).astype(int), minlength=12)) <= 2
+
+
+def test_a_scaling_that_was_inferred_is_that_of_the_draw():
+    draws = table(1).assign(R_cor_scaling=np.arange(PART) / 7.0)
+    samples = theta(draws, BEDS, "propagation", 50, (0.7, 1.25), 3)
+    assert np.array_equal(samples["R_cor_scaling"], (samples["BC_a"] - 1.0) / 7.0)

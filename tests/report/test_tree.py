@@ -63,7 +63,7 @@ def test_the_edge_lies_where_ffr_crosses_the_limit():
 
 
 def test_a_patient_without_a_map_has_no_territories_and_no_empty_panel(readings, tmp_path, monkeypatch):
-    wall = wall_of_territories(OUTLETS, {one.name: (1.0, 10.0) for one in OUTLETS}, 1.05).mesh
+    wall = wall_of_territories(OUTLETS, {one.name: (1.0, 10.0) for one in OUTLETS}, 1.05, {}).mesh
     assert not is_wall(wall)
     write_vtk(tmp_path / "lv.vtu", wall)
     scene = json.loads(tree.scene(readings, Case, {}, tmp_path / "lv.vtu"))

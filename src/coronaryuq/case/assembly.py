@@ -26,7 +26,7 @@ from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import with_lumen
 from coronaryuq.case.network.along_tree import vessels_along
-from coronaryuq.case.network.build import Bed, Physics, Segment, network_from_tree, segments
+from coronaryuq.case.network.build import Bed, Physics, Segment, murray_shares, network_from_tree, segments
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.schematic import radius_from_inertance, schematic_tree
 from coronaryuq.case.network.topology import CORONARY, SYSTEMIC, Topology, closed_loop_tree
@@ -145,7 +145,9 @@ def assemble(
     elif description.territory_flows is not None:
         lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}
         flows = read_territory_flows(path, description.territory_flows, lv, description.tissue_density)
-        wall = wall_of_territories(outlets, flows, description.tissue_density)
+        by_radius = murray_shares([outlet.radius for outlet in outlets]).tolist()
+        shares = dict(zip([outlet.name for outlet in outlets], by_radius, strict=True))
+        wall = wall_of_territories(outlets, flows, description.tissue_density, shares)
     notes += outlet_notes(wall, outlets, description.tissue_density)
     summary = CaseSummary(
         name=description.name,

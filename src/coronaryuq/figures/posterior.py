@@ -21,11 +21,10 @@ def marginals(posterior: str, case: str, summary: str, output: Output) -> None:
     """Draw the posterior of each bed's resistance as a multiple of r-hat on its prior, as a forest plot."""
     beds, r, _ = _read(posterior)
     outlets = _outlets(case, beds)
-    low, high = read_summary(summary).provenance["settings"]["prior"]
-    prior = np.quantile([low, high], WHOLE)  # of a uniform law
+    prior = read_summary(summary).prior_ranges
     with saved(output, figsize=(6.4, 0.26 * len(beds) + 0.9)) as (_, axis):
-        for y, outlet, values in zip(_places(beds), outlets, _draws(r).T, strict=True):
-            axis.plot(prior, [y, y], lw=9, color=MUTED, alpha=0.3, solid_capstyle="butt", zorder=1)
+        for y, bed, outlet, values in zip(_places(beds), beds, outlets, _draws(r).T, strict=True):
+            axis.plot(prior[bed], [y, y], lw=9, color=MUTED, alpha=0.3, solid_capstyle="butt", zorder=1)
             _range(axis, y, values, outlet)
         axis.axvline(1.0, color="black", lw=0.8, ls=":")
         _named(axis, outlets, "resistance / r̂")

@@ -11,6 +11,9 @@ from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_npz, write_npz
 from coronaryuq.core.io.typed import checked
 
+PRIOR_SHARE = (0.025, 0.975)
+"""Quantiles between which the prior of a multiplier is stated."""
+
 
 @dataclass(frozen=True)
 class Chains:
@@ -26,7 +29,8 @@ class Chains:
     runs, nan without them. refused: why no independence steps were taken, empty if they were or were not asked for.
     runs, failures: of the model. outliers: chains restarted. crossover: probability of each crossover value. weights
     (N,): shares of conductance at r-hat. target_scale: factor on the targets; target_mean (N,), target_covariance
-    (N, N): scaled. fit_*: the resistances at which the model's flows are shared as the targets are.
+    (N, N): scaled. prior_ranges (N, 2): of each multiplier, `PRIOR_SHARE`. fit_*: the resistances at which the model's
+    flows are shared as the targets are; fit_outside (N,): which of them lie outside the prior.
     """
 
     names: list[str]
@@ -57,9 +61,11 @@ class Chains:
     target_scale: float
     target_mean: np.ndarray
     target_covariance: np.ndarray
+    prior_ranges: np.ndarray
     fit_multipliers: np.ndarray
     fit_flows: np.ndarray
     fit_error: float
+    fit_outside: np.ndarray
 
     @property
     def kept_multipliers(self) -> np.ndarray:
@@ -203,6 +209,7 @@ class ReferenceShares:
 class Summary(Diagnosis):
     """`summary.json`: verdict on the chains, the fit, marginals, and predictive checks.
 
+    prior_ranges: of each multiplier, central 95 %. constraint: on the total resistance, "per gram" for none.
     effective_per_run: smallest bulk effective sample size over `model_runs`, which counts every run of the 0D model.
     """
 
@@ -221,6 +228,7 @@ class Summary(Diagnosis):
     constraint: str
     target_scale: float
     fit: FitToFractions
+    prior_ranges: dict[str, tuple[float, float]]
     multipliers: dict[str, Marginal]
     parameters: dict[str, Marginal]
     most_probable_draw: dict[str, float]

@@ -42,7 +42,7 @@ def theta(
     name, count
         Of the set, and its number of samples.
     scaling, seed
-        Bounds of the scaling, and the campaign's seed.
+        Bounds of the scaling where the draws have none of their own, and the campaign's seed.
     lengths
         From which sample on the chains had which length.
     """
@@ -55,7 +55,10 @@ def theta(
     table.insert(0, "sample", [f"{name}_{k:05d}" for k in range(count)])
     table.insert(1, "chain", visited["chain"])
     table.insert(2, "draw", visited["generation"])
-    table[SCALING] = [float(generator(seed, "samples", name, k).uniform(*scaling)) for k in range(count)]
+    if SCALING in draws:
+        table[SCALING] = visited[SCALING]
+    else:
+        table[SCALING] = [float(generator(seed, "samples", name, k).uniform(*scaling)) for k in range(count)]
     return table
 
 

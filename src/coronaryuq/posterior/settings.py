@@ -82,7 +82,10 @@ class IndependenceSettings(BaseModel):
 
 
 class Settings(BaseModel):
-    """Posterior of the outlet resistances (paper, section 2.3) and the samples drawn from it."""
+    """Posterior of the outlet resistances (paper, section 2.3) and the samples drawn from it.
+
+    `prior`, `constraint`, `scale_targets` and `scaling` are those of `uncertainty: paper`.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -94,15 +97,18 @@ class Settings(BaseModel):
         default_factory=IndependenceSettings, description="Independence steps on the emulator."
     )
     prior: tuple[float, float] = Field(
-        (0.5, 2.0), description="Bounds of the uniform prior of each multiplier of r-hat."
+        (0.5, 2.0), description="Bounds of the uniform prior of each multiplier of r-hat, with `uncertainty: paper`."
     )
     constraint: Literal["conditioned", "rescaled"] = Field(
         "conditioned",
-        description="Total resistance of the LV-perfusing beds: `conditioned` samples the prior given that total, "
-        "`rescaled` rescales states after acceptance as the paper does, which changes the stationary distribution.",
+        description="Total resistance of the LV-perfusing beds, with `uncertainty: paper`: `conditioned` samples the "
+        "prior given that total, `rescaled` rescales states after acceptance as the paper does, which changes the "
+        "stationary distribution.",
     )
     scale_targets: bool = Field(
-        True, description="Scale target flows and covariance such that their total is the model's LV flow at r-hat."
+        True,
+        description="Scale target flows and covariance such that their total is the model's LV flow at r-hat, with "
+        "`uncertainty: paper`.",
     )
     cycle_tolerance: float = Field(
         1e-4, gt=0, description="Relative cycle-to-cycle error at which a 0D run counts as periodic."
@@ -129,7 +135,8 @@ class Settings(BaseModel):
     )
     scaling: tuple[float, float] = Field(
         (0.7, 1.25),
-        description="Bounds of s, the uniformly distributed scaling of total coronary resistance (paper, 2.3).",
+        description="Bounds of s, the uniformly distributed scaling of total coronary resistance (paper, 2.3), with "
+        "`uncertainty: paper`.",
     )
 
     @model_validator(mode="after")

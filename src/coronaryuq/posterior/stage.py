@@ -22,8 +22,9 @@ from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import FlowModel, Posterior, respond
 from coronaryuq.posterior.model.fractions import fractions
 from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.tissue import PerGram, Tissue
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
-from coronaryuq.posterior.results import Chains, ReferenceShares
+from coronaryuq.posterior.results import PRIOR_SHARE, Chains, ReferenceShares
 from coronaryuq.posterior.sampler import chains as sampling
 from coronaryuq.posterior.sampler import checkpoint
 from coronaryuq.posterior.samples import FIRST, Lengths, theta
@@ -97,23 +98,33 @@ def sample(
         If the files do not agree, or if the covariance is not positive definite.
     """
     ranks = ranks or Ranks()
-    targets, outlets, _ = _read_targets(targets_json, case_json)
+    targets, outlets, volume = _read_targets(targets_json, case_json)
     vessels = {outlet.bc: outlet.vessel for outlet in outlets}
+    errors = read_case(case_json).errors
+    tissue = None
+    if errors is not None:
+        arteries = [outlet.branch for outlet in outlets]
+        tissue = Tissue(volume, arteries, errors.microvascular, errors.microvascular_correlation)
     model = BedFlows(
         hyperaemia_json, vessels, tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
-        threads=ranks.threads,
+        threads=ranks.threads, further=() if tissue is None else PerGram.further,
     )  # fmt: skip
-    key = digest([checksum(hyperaemia_json), checksum(targets_json), _deciding(settings), seed, _code()])
-    unknowns = Unknowns(model.weights, model.theta.laws)
+    stated = None if errors is None else errors.model_dump()
+    key = digest([checksum(hyperaemia_json), checksum(targets_json), stated, _deciding(settings), seed, _code()])
+    unknowns = Unknowns(model.weights, model.theta.laws, tissue)
     run_chains(model, unknowns, targets, settings, seed, out_npz, key=key, ranks=ranks, extent=extent)
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """What is inferred: shares of conductance, from those at r-hat (N,), and the network's uncertain parameters."""
+    """What is inferred: shares of conductance, from those at r-hat (N,), and the network's uncertain parameters.
+
+    tissue: of the beds, if their prior is one of conductance per gram.
+    """
 
     weights: np.ndarray
     laws: Laws = Laws()
+    tissue: Tissue | None = None
 
 
 def run_chains(
@@ -131,17 +142,17 @@ def run_chains(
     found = checkpoint.find(folder, extent.before, key)
     ranks.barrier()  # every rank has looked before any of them writes
     fit = found.prepared.fit if found else ranks.run_on_first(lambda: fit_fractions(model.flows, weights, targets.mean))
-    factor = float(fit.flows_at_r_hat.sum() / targets.mean.sum()) if settings.scale_targets else 1.0
+    scaled = settings.scale_targets and unknowns.tissue is None
+    factor = float(fit.flows_at_r_hat.sum() / targets.mean.sum()) if scaled else 1.0
     likelihood = Likelihood(targets.mean * factor, targets.covariance * factor**2, targets.source)
-    conditioned = settings.constraint == "conditioned"
-    space = (Conditioned if conditioned else Rescaled)(weights, settings.prior, laws)
+    space = _space(unknowns, settings)
     response = found.prepared.response if found else None
-    if response is None and len(laws):
+    if response is None and len(laws) and unknowns.tissue is None:
         response = ranks.run_on_first(lambda: respond(model, laws, fit.flows_at_r_hat))
         fit = replace(fit, runs=fit.runs + 2 * len(laws) + len(response.chosen))
-    posterior = Posterior(model, space, likelihood, ranks, response, total_known=not settings.scale_targets)
+    posterior = Posterior(model, space, likelihood, ranks, response, total_known=not scaled)
     if ranks.rank == 0:
-        _warn_outside(fit.multipliers, settings.prior, names)
+        _warn_outside(space.outside(fit.multipliers), settings.prior, names)
     prepared = found.prepared if found else sampling.prepare(posterior, fit, settings, seed)
     posterior.failures = prepared.failures
     if ranks.rank == 0:
@@ -152,7 +163,8 @@ def run_chains(
     if found and found.done <= dream.decisions:
         state = recorder.resume(found) or state
     between = max(1, settings.checkpoint // (settings.emulator.generations if prepared.emulator else 1))
-    state = sampling.run(dream, state, recorder, between, [*names, *laws.names], space.inputs)
+    further = [*space.further, *laws.names]
+    state = sampling.run(dream, state, recorder, between, [*names, *further], space.inputs)
     if ranks.rank == 0:
         position, log_density, flows, log_weight = (
             recorder.values[name].swapaxes(0, 1) for name in checkpoint.RECORDED
@@ -161,7 +173,7 @@ def run_chains(
         inputs = space.inputs(position.reshape(-1, dimension)).reshape(count, decisions, -1)
         emulator = prepared.emulator
         Chains(
-            names=names, multipliers=np.ascontiguousarray(inputs[:, :, : len(names)]), parameter_names=laws.names,
+            names=names, multipliers=np.ascontiguousarray(inputs[:, :, : len(names)]), parameter_names=further,
             parameters=np.ascontiguousarray(inputs[:, :, len(names) :]), flows=flows, log_density=log_density,
             log_weight=log_weight,
             burn_in=dream.burn_in, every=dream.every, generations=int(state.generation), length=extent.length,
@@ -172,7 +184,9 @@ def run_chains(
             runs=prepared.runs + int(state.evaluations), failures=posterior.failures, outliers=int(state.outliers),
             crossover=state.crossover, weights=weights, target_scale=factor,
             target_mean=likelihood.mean, target_covariance=likelihood.covariance,
+            prior_ranges=space.ranges(PRIOR_SHARE),
             fit_multipliers=fit.multipliers, fit_flows=fit.flows, fit_error=fit.error,
+            fit_outside=space.outside(fit.multipliers),
         ).write(out_npz, also=recorder.arrays(prepared, state))  # fmt: skip
     ranks.barrier()
 
@@ -245,7 +259,7 @@ def draw_samples(
         Rows of the table.
     out_csv
         Table to write: `sample`, the state's `chain` and `draw`, one multiplier per bed and one value per uncertain
-        parameter, `R_cor_scaling`.
+        parameter, `R_cor_scaling`: that of the draw if it was inferred, otherwise drawn by itself.
     lengths
         From which sample on the chains had which length; the last one is that of the draws.
 
@@ -265,8 +279,15 @@ def draw_samples(
     write_csv(out_csv, theta(draws, columns, name, number, settings.scaling, seed, lengths))
 
 
-def _warn_outside(multipliers: np.ndarray, prior: tuple[float, float], names: list[str]) -> None:
-    outside = [name for name, m in zip(names, multipliers, strict=True) if not prior[0] < m < prior[1]]
+def _space(unknowns: Unknowns, settings: Settings) -> Conditioned | Rescaled | PerGram:
+    if unknowns.tissue is not None:
+        return PerGram(unknowns.weights, unknowns.tissue, unknowns.laws)
+    kind = Conditioned if settings.constraint == "conditioned" else Rescaled
+    return kind(unknowns.weights, settings.prior, unknowns.laws)
+
+
+def _warn_outside(lies_outside: np.ndarray, prior: tuple[float, float], names: list[str]) -> None:
+    outside = [name for name, lies in zip(names, lies_outside.tolist(), strict=True) if lies]
     if outside:
         print(
             f"warning: targets need resistances outside the prior {prior} x r-hat at {', '.join(outside)}",

@@ -21,6 +21,7 @@ from coronaryuq.posterior.results import (
 )
 from coronaryuq.posterior.sampler.diagnostics import diagnose, good_enough, pareto_smoothed
 from coronaryuq.posterior.settings import Settings
+from coronaryuq.zerod.network.beds import SCALING
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -82,8 +83,7 @@ def summarise(
     drawn = np.concatenate([multipliers, chains.kept_parameters], axis=2)
     likelihood = Likelihood(chains.target_mean, chains.target_covariance)
     flat, quantiles = drawn.reshape(-1, len(names) + len(extra)), (0.025, 0.5, 0.975)
-    fitted = by_name(names, chains.fit_multipliers)
-    low, high = settings.prior
+    fitted, inferred_total = by_name(names, chains.fit_multipliers), SCALING in extra
     # A parameter without spread is no unknown.
     moving = np.concatenate([np.ones(len(names), dtype=bool), np.ptp(chains.kept_parameters, axis=(0, 1)) > 0])
     unknown = [name for name, moves in zip([*names, *extra], moving, strict=True) if moves]
@@ -111,20 +111,25 @@ def summarise(
         failed_runs=chains.failures,
         outlier_chains_restarted=chains.outliers,
         crossover_probabilities=chains.crossover.tolist(),
-        constraint=settings.constraint,
+        constraint="per gram" if inferred_total else settings.constraint,
         target_scale=chains.target_scale,
         fit=FitToFractions(
             multipliers=fitted,
             flows=by_name(names, chains.fit_flows),
             largest_fraction_error=chains.fit_error,
-            outside_prior=[name for name, multiplier in fitted.items() if not low <= multiplier <= high],
+            outside_prior=[name for name, lies in zip(names, chains.fit_outside.tolist(), strict=True) if lies],
         ),
+        prior_ranges={name: (low, high) for name, (low, high) in by_name(names, chains.prior_ranges).items()},
         multipliers={name: marginals[name] for name in names},
         parameters={name: marginals[name] for name in extra},
         most_probable_draw=by_name([*names, *extra], flat[np.argmax(chains.kept_log_density)]),
         predictive=check(
-            chains.kept_flows.reshape(-1, len(names)), likelihood, names, generator(seed, "posterior", "predictive")
-        ),
+            chains.kept_flows.reshape(-1, len(names)),
+            likelihood,
+            names,
+            generator(seed, "posterior", "predictive"),
+            total_free=inferred_total,
+        ),  # fmt: skip
         r_hat=r_hat,
         provenance=provenance,
     )
@@ -142,6 +147,6 @@ def _independence(chains: Chains, limit: float) -> IndependenceUse:
     return IndependenceUse(chains.independent, pilot, whole, "; ".join(told) or None)
 
 
-def by_name(names: list[str], values: np.ndarray) -> dict[str, float]:
+def by_name(names: list[str], values: np.ndarray) -> dict[str, Any]:
     """Return {name: value}."""
     return dict(zip(names, values.tolist(), strict=True))

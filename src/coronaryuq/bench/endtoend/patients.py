@@ -62,7 +62,7 @@ class Errors:
         """Return the defaults of `case.yaml` times `noise`."""
         lumen, routine = LumenError(), RoutineErrors()
         radius = {name: noise * getattr(lumen, name) for name in ("common_sd", "local_sd")}
-        kept = {"pressure_correlation"}
+        kept = {"pressure_correlation", "microvascular", "microvascular_correlation"}  # no errors of measurement
         others = {name: noise * value for name, value in routine.model_dump().items() if name not in kept}
         return cls(lumen.model_copy(update=radius), routine.model_copy(update=others), noise)
 

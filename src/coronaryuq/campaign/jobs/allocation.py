@@ -27,4 +27,6 @@ def allocate_round(
         propagation = Path(folder, "propagation.csv")
         draw_samples(draws_csv, posterior, seed, "propagation", ran.n_0d, propagation, ran.lengths)
         inputs = RunFiles.of(files | {"propagation": propagation}, runs_per_fine)
-        allocate(inputs, limits_of(posterior), settings, seed, number, ran, Counts.first(portion), round_json)
+        allocate(
+            inputs, limits_of(posterior, inputs.case), settings, seed, number, ran, Counts.first(portion), round_json
+        )

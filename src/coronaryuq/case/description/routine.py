@@ -57,6 +57,18 @@ class RoutineErrors(BaseModel):
         description="Relative standard deviation of coronary resistance at hyperaemia over rest, between patients "
         "(Wilson et al. 1990).",
     )
+    microvascular: Relative = Field(
+        0.25,
+        description="Standard deviation of the logarithm of hyperaemic conductance per gram of myocardium, between the "
+        "beds of one heart. A convention: regional hyperaemic flow of healthy hearts varies by 10 to 25 %.",
+    )
+    microvascular_correlation: float = Field(
+        0.5,
+        ge=0,
+        le=0.99,
+        description="Correlation of the conductances per gram of two beds of one artery. A convention: half of what "
+        "differs is regional.",
+    )
     viscosity: Relative = Field(
         0.10,
         description="Relative standard deviation of viscosity: haematocrits of 0.36 to 0.50 differ by some 30 % "

@@ -1,6 +1,6 @@
 """A ventricle made of measured territories, one cell per LV-perfusing outlet, for cases without a perfusion map."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -12,12 +12,16 @@ TYPICAL_FLOW = 2.0 / 60.0
 
 
 def wall_of_territories(
-    outlets: Sequence[CaseOutlet], flows: dict[str, tuple[float, float]], tissue_density: float
+    outlets: Sequence[CaseOutlet],
+    flows: dict[str, tuple[float, float]],
+    tissue_density: float,
+    shares: Mapping[str, float],
 ) -> Wall:
     """Return a wall of one vertex cell per LV-perfusing outlet, with its measured volume (cm3) and flow per mass.
 
     flows: outlet → (flow mL/s, volume cm3 or NaN). Each cell lies at its outlet, so that its nearest outlet is its own
-    and integrating over territories returns the measured flows.
+    and integrating over territories returns the measured flows. shares: outlet → share of the volume by Murray's law,
+    for volumes that are not given; in proportion to flow, every territory would be as well perfused as any other.
     """
     import pyvista as pv
 
@@ -26,9 +30,10 @@ def wall_of_territories(
     flow = np.array([flows[outlet.name][0] for outlet in feeding])
     volume = np.array([flows[outlet.name][1] for outlet in feeding])
     unknown = ~np.isfinite(volume)
-    volume[unknown] = flow[unknown] / (TYPICAL_FLOW * tissue_density)
     if unknown.any():
-        notes.append("territory volumes are not given; assumed a perfusion of 2 mL/min/g")
+        share = np.array([shares[outlet.name] for outlet in feeding])[unknown]
+        volume[unknown] = share / share.sum() * flow[unknown].sum() / (TYPICAL_FLOW * tissue_density)
+        notes.append("territory volumes are not given; assumed 2 mL/min/g in all, divided by Murray's law")
     points = np.array([outlet.point for outlet in feeding], dtype=float)
     cells = np.arange(len(points))[:, None]
     grid = pv.UnstructuredGrid({pv.CellType.VERTEX: cells}, points)

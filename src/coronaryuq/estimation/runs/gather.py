@@ -143,8 +143,8 @@ def gather(
     inputs
         Files of the campaign.
     limits
-        Bounds of θ by column; "r" stands for every bed. Uncertain parameters have none: what is written are bounds that
-        hold all samples.
+        Bounds of θ by column; "r" stands for every bed. Of a column without any, bounds that hold all samples are
+        written.
     min_3d
         Fewest 3D runs that have to have succeeded.
     out
@@ -183,7 +183,7 @@ def gather(
             (out / name).unlink(missing_ok=True)
     columns = [name for name in pilot.columns if name not in ("sample", *records.STATE)]
     beds = {outlet.bc for outlet in read_case(inputs.case).outlets}
-    bounds = {name: limits["r"] for name in columns if name in beds} | limits
+    bounds = {name: limits["r"] for name in columns if name in beds and "r" in limits} | limits
     bounds |= {name: _range(pilot[name], propagation[name]) for name in columns if name not in bounds}
     ends = (("min", 0), ("max", 1))
     write_json(out / "param_limits.json", {end: {name: bounds[name][k] for name in columns} for end, k in ends})

@@ -1,6 +1,6 @@
 """Mean flow into each LV-perfusing bed, from the 0D engine."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +44,8 @@ class BedFlows:
         Of the 0D engine.
     network
         The loop of the file, if it has been read and changed already.
+    further
+        Columns of θ that are inputs of `flows` between the multipliers and the uncertain parameters.
 
     Raises
     ------
@@ -53,11 +55,11 @@ class BedFlows:
 
     def __init__(
         self, network_json: str | Path, vessels: Mapping[str, str], *, tolerance: float, steps_per_cycle: int | None,
-        threads: int = 1, network: Network | None = None,
+        threads: int = 1, network: Network | None = None, further: Sequence[str] = (),
     ):  # fmt: skip
         self.network = read_network(network_json) if network is None else network
         self.engine, self.theta = Engine(self.network, network_json), Theta(self.network, network_json)
-        self.beds = list(vessels)
+        self.beds, self.further = list(vessels), list(further)
         # An adopted branch ends the vessel ahead of a stub to the bed.
         feeding = {**vessels, **Topology(self.network).vessel_of}
         self.quantities = [f"mean_flow:{feeding[bed]}:{bed}" for bed in self.beds]
@@ -80,10 +82,10 @@ class BedFlows:
     def flows(self, inputs: np.ndarray) -> np.ndarray:
         """Return mean flows (n, N) in mL/s, nan where a run failed.
 
-        inputs (n, N) or (n, N + k): multipliers, and values of the network's uncertain parameters, else at their
-        centres.
+        inputs (n, N) or (n, N + k): multipliers, `further` ones, and values of the network's uncertain parameters, else
+        at their centres.
         """
-        columns = [*self.beds, *self.theta.laws.names][: inputs.shape[1]]
+        columns = [*self.beds, *self.further, *self.theta.laws.names][: inputs.shape[1]]
         changes = self.theta.changes(dict(zip(columns, inputs.T, strict=True)))
         result = self._run(changes, self.start)
         flows = np.stack([result.values[name] for name in self.quantities], axis=1)

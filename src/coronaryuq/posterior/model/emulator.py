@@ -9,8 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from coronaryuq.core.jit import njit
 from coronaryuq.posterior.model.likelihood import Likelihood
-from coronaryuq.posterior.model.linearised import Linearised
-from coronaryuq.posterior.model.total_resistance import Conditioned
+from coronaryuq.posterior.model.linearised import Linearised, Space
+from coronaryuq.posterior.model.tissue import PerGram
 
 SHARE = 0.1
 """Mass of the defensive component over that of the emulated posterior."""
@@ -57,12 +57,12 @@ class Emulator:
 
     @classmethod
     def of_runs(
-        cls, space: Conditioned, likelihood: Likelihood, linearised: Linearised, y: np.ndarray, flows: np.ndarray
+        cls, space: Space, likelihood: Likelihood, linearised: Linearised, y: np.ndarray, flows: np.ndarray
     ) -> "Emulator":
         """Fit to runs of the model, flows (n, N) at coordinates y (n, d), and defend."""
         return cls.fit(space.stepped(y), space.multipliers(y), flows).defended(linearised, space, likelihood)
 
-    def defended(self, linearised: Linearised, space: Conditioned, likelihood: Likelihood) -> "Emulator":
+    def defended(self, linearised: Linearised, space: Space, likelihood: Likelihood) -> "Emulator":
         """Return the emulator whose posterior q is a mixture with a Student t about the linearised posterior.
 
         A chain whose proposals follow q stays about p / q draws where the model's posterior p exceeds q, and its
@@ -85,14 +85,16 @@ class Emulator:
         """Emulated flows (n, N)."""
         return np.exp(_features((y - self.centre) / self.scale) @ self.coefficients) / multipliers
 
-    def screen(self, space: Conditioned, likelihood: Likelihood) -> Callable[[np.ndarray], np.ndarray]:
+    def screen(self, space: Space, likelihood: Likelihood) -> Callable[[np.ndarray], np.ndarray]:
         """Return the emulated log posterior (n,) as a function of x (n, d), up to the constant of `Posterior`."""
-        low, high = space.prior
         stepped = space.stepped
-        fixed = (space.basis, self.centre, self.scale, np.ascontiguousarray(self.coefficients.T), likelihood.mean,
-                 likelihood.whitening, likelihood.log_constant, low, high,
-                 self.about, self.factor, self.height)  # fmt: skip
-        return lambda y: _log_posterior(np.ascontiguousarray(y), np.ascontiguousarray(stepped(y)), *fixed)
+        fixed = (self.centre, self.scale, np.ascontiguousarray(self.coefficients.T), likelihood.mean,
+                 likelihood.whitening, likelihood.log_constant, self.about, self.factor, self.height)  # fmt: skip
+        if isinstance(space, PerGram):
+            prior = (np.ascontiguousarray(space.centre), np.ascontiguousarray(space.root))
+            return lambda x: _per_gram(np.ascontiguousarray(x), np.ascontiguousarray(stepped(x)), *prior, *fixed)
+        bounded = (space.basis, *space.prior)
+        return lambda y: _conditioned(np.ascontiguousarray(y), np.ascontiguousarray(stepped(y)), *bounded, *fixed)
 
 
 def _features(z: np.ndarray) -> np.ndarray:
@@ -102,54 +104,97 @@ def _features(z: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def _log_posterior(y, smooth, basis, centre, scale, coefficients, mean, whitening, constant, low, high,
-                   about, factor, height):  # fmt: skip
+def _conditioned(y, smooth, basis, low, high, centre, scale, coefficients, mean, whitening, constant,
+                 about, factor, height):  # fmt: skip
+    """Return the log posterior (n,) in the coordinates of `Conditioned`."""
     n, d = y.shape
     outlets, beds = basis.shape
     result = np.empty(n)
-    z = np.empty(d)
-    residual = np.empty(outlets)
+    relative, residual, z = np.empty(outlets), np.empty(outlets), np.empty(d)
     for row in range(n):
         prior = 0.0
-        for a in range(d):
-            z[a] = (smooth[row, a] - centre[a]) / scale[a]
         for i in range(outlets):
-            relative = 1.0
+            relative[i] = 1.0
             for a in range(beds):
-                relative += basis[i, a] * y[row, a]
-            if not (relative * high >= 1.0 and relative * low <= 1.0):
+                relative[i] += basis[i, a] * y[row, a]
+            if not (relative[i] * high >= 1.0 and relative[i] * low <= 1.0):
                 prior = -np.inf
                 break
-            prior -= 2.0 * np.log(relative)
-            value = coefficients[i, 0]
-            place = 1 + d
-            for a in range(d):
-                inner = coefficients[i, 1 + a]
-                for b in range(a, d):
-                    inner += coefficients[i, place] * z[b]
-                    place += 1
-                value += inner * z[a]
-            residual[i] = np.exp(value) * relative - mean[i]
+            prior -= 2.0 * np.log(relative[i])
         if prior == -np.inf:
             result[row] = -np.inf
             continue
         for a in range(beds, d):
             prior -= 0.5 * y[row, a] ** 2
-        total = 0.0
-        for i in range(outlets):
-            inner = 0.0
-            for j in range(i + 1):
-                inner += whitening[i, j] * residual[j]
-            total += inner * inner
-        value = prior + constant - 0.5 * total
-        if height > -np.inf:
-            distance = 0.0
-            for a in range(d):
-                inner = 0.0
-                for b in range(a, d):
-                    inner += factor[b, a] * (y[row, b] - about[b])
-                distance += inner * inner
-            defence = height - 0.5 * (FREEDOM + d) * np.log1p(distance / FREEDOM)
-            value = max(value, defence) + np.log1p(np.exp(-abs(value - defence)))
-        result[row] = value
+        _emulate(smooth[row], relative, centre, scale, coefficients, mean, z, residual)
+        value = prior + constant - 0.5 * _misfit(residual, whitening)
+        result[row] = _defended(value, y[row], about, factor, height)
     return result
+
+
+@njit(cache=True)
+def _per_gram(x, smooth, middle, root, centre, scale, coefficients, mean, whitening, constant,
+              about, factor, height):  # fmt: skip
+    """Return the log posterior (n,) in the coordinates of `PerGram`."""
+    n, d = x.shape
+    outlets = len(middle)
+    result = np.empty(n)
+    relative, residual, z = np.empty(outlets), np.empty(outlets), np.empty(d)
+    for row in range(n):
+        prior = 0.0
+        for a in range(d):
+            prior -= 0.5 * x[row, a] ** 2
+        for i in range(outlets):
+            log_multiplier = middle[i]
+            for a in range(i + 1):
+                log_multiplier += root[i, a] * x[row, a]
+            relative[i] = np.exp(-log_multiplier)
+        _emulate(smooth[row], relative, centre, scale, coefficients, mean, z, residual)
+        value = prior + constant - 0.5 * _misfit(residual, whitening)
+        result[row] = _defended(value, x[row], about, factor, height)
+    return result
+
+
+@njit(cache=True)
+def _emulate(smooth, relative, centre, scale, coefficients, mean, z, residual):
+    """Write flows less targets to `residual`; relative: inverse multipliers."""
+    d = len(z)
+    for a in range(d):
+        z[a] = (smooth[a] - centre[a]) / scale[a]
+    for i in range(len(relative)):
+        value = coefficients[i, 0]
+        place = 1 + d
+        for a in range(d):
+            inner = coefficients[i, 1 + a]
+            for b in range(a, d):
+                inner += coefficients[i, place] * z[b]
+                place += 1
+            value += inner * z[a]
+        residual[i] = np.exp(value) * relative[i] - mean[i]
+
+
+@njit(cache=True)
+def _misfit(residual, whitening):
+    total = 0.0
+    for i in range(len(residual)):
+        inner = 0.0
+        for j in range(i + 1):
+            inner += whitening[i, j] * residual[j]
+        total += inner * inner
+    return total
+
+
+@njit(cache=True)
+def _defended(value, y, about, factor, height):
+    """Return the logarithm of the mixture with the defensive component."""
+    if height == -np.inf:
+        return value
+    d = len(y)
+    distance = 0.0
+    for a in range(d):
+        inner = 0.0
+        for b in range(a, d):
+            inner += factor[b, a] * (y[b] - about[b])
+        distance += inner * inner
+    defence = height - 0.5 * (FREEDOM + d) * np.log1p(distance / FREEDOM)
+    return max(value, defence) + np.log1p(np.exp(-abs(value - defence)))

@@ -7,6 +7,7 @@ import numpy as np
 
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.tissue import PerGram
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
 from coronaryuq.zerod.theta import Laws
 
@@ -18,7 +19,7 @@ class FlowModel(Protocol):
         """Mean flows (n, N), mL/s, nan where the model failed. Rows are independent.
 
         inputs (n, N + k): multipliers of the beds, then values of the network's uncertain parameters; without these,
-        they are at their centres.
+        they are at their centres. With the prior per gram, a common factor on all beds lies between (n, N + 1 + k).
         """
         ...
 
@@ -96,8 +97,8 @@ class Posterior:
     """
 
     def __init__(
-        self, model: FlowModel, space: Conditioned | Rescaled, likelihood: Likelihood, ranks: Ranks | None = None,
-        response: Response | None = None, total_known: bool = False,
+        self, model: FlowModel, space: Conditioned | Rescaled | PerGram, likelihood: Likelihood,
+        ranks: Ranks | None = None, response: Response | None = None, total_known: bool = False,
     ):  # fmt: skip
         self.model, self.space, self.likelihood, self.response = model, space, likelihood, response
         self.total_known = total_known

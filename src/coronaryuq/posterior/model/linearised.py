@@ -1,4 +1,4 @@
-"""The posterior linearised about the fit, and the first runs of the model, drawn wider than it."""
+"""The posterior linearised about a state, and the first runs of the model, drawn wider than it."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.tissue import PerGram
 from coronaryuq.posterior.model.total_resistance import Conditioned
+
+Space = Conditioned | PerGram
 
 WIDTH = 1.5
 """Width of the design over the expected width of the posterior."""
@@ -29,19 +32,22 @@ class Linearised:
         f_i proportional to g_i, its fraction of conductance, and to exp(slope_i . z), slope (N, k), in the coordinates
         of uncertain parameters. The prior of the multipliers is flat.
         """
-        centre, beds = space.coordinates(multipliers[None])[0], space.basis.shape[1]
+        centre, derivative = space.linearised(multipliers, flows)
         # r-hat itself, the origin, is inside the prior's bounds.
         while not np.isfinite(space.log_prior(centre[None])[0]):
             centre = 0.9 * centre
-        with threadpool_limits(1):
-            by = likelihood.whitening @ ((flows * multipliers)[:, None] * space.basis)
-            if slope is not None:
-                by = np.hstack([by, likelihood.whitening @ (flows[:, None] * slope)])
-            precision = by.T @ by
-            precision[range(beds, space.dimension), range(beds, space.dimension)] += 1.0
-            return cls(centre, np.linalg.cholesky(precision))
+        if slope is not None:
+            derivative = np.hstack([derivative, flows[:, None] * slope])
+        return cls.at(space, likelihood, centre, derivative)
 
-    def design(self, space: Conditioned, count: int, random: np.random.Generator, width: float = WIDTH) -> np.ndarray:
+    @classmethod
+    def at(cls, space: Space, likelihood: Likelihood, centre: np.ndarray, slope: np.ndarray) -> "Linearised":
+        """Linearise at coordinates `centre` (d,), where the flows have the derivatives `slope` (N, d)."""
+        with threadpool_limits(1):
+            by = likelihood.whitening @ slope
+            return cls(centre, np.linalg.cholesky(by.T @ by + np.diag(space.prior_precision)))
+
+    def design(self, space: Space, count: int, random: np.random.Generator, width: float = WIDTH) -> np.ndarray:
         """Return design points (count, d) inside the prior's bounds: draws of this Gaussian, `width` times as wide."""
         with threadpool_limits(1):
             root = np.linalg.inv(self.factor).T

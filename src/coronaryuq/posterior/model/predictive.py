@@ -16,20 +16,23 @@ def given_total(covariance: np.ndarray) -> np.ndarray:
     return covariance - np.outer(to_sum, to_sum) / to_sum.sum()
 
 
-def check(flows: np.ndarray, likelihood: Likelihood, names: list[str], random: np.random.Generator) -> Predictive:
+def check(
+    flows: np.ndarray, likelihood: Likelihood, names: list[str], random: np.random.Generator, total_free: bool = False
+) -> Predictive:
     """Compare draws of `flows` (n, N), mL/s, with the targets of the likelihood.
 
     coverage_95: fraction of targets within the central 95 % of simulated flows plus measurement noise (a target lies
     there with probability 0.95 or more if the model holds). mahalanobis: of the mean simulated flow from the
     targets under the targets' covariance. p_value: probability that new data lie further from the simulated flows than
-    the targets do. sd_ratio, correlation_rms: simulated covariance against the targets' given their total.
+    the targets do. sd_ratio, correlation_rms: simulated covariance against the targets', given their total unless it is
+    free.
     """
     noise = np.linalg.cholesky(likelihood.covariance)
     replicated = flows + np.sum(noise[None] * random.standard_normal(flows.shape)[:, None, :], axis=2)
     low, high = np.quantile(replicated, [0.025, 0.975], axis=0)
     inside = (likelihood.mean >= low) & (likelihood.mean <= high)
     mean, covariance = flows.mean(axis=0), np.cov(flows, rowvar=False)
-    expected = given_total(likelihood.covariance)
+    expected = likelihood.covariance if total_free else given_total(likelihood.covariance)
     far = np.sum(likelihood.whitened(flows) ** 2, axis=1)
     far_replicated = np.sum(np.sum(likelihood.whitening[None] * (replicated - flows)[:, None, :], axis=2) ** 2, axis=1)
     pairs = np.triu_indices(len(names), 1)

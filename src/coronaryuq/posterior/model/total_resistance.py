@@ -44,6 +44,8 @@ class Conditioned:
 
     box = None
     adjust: Callable | None = None
+    further: tuple[str, ...] = ()
+    """Inputs of the model between the multipliers and the parameters."""
 
     def __init__(self, weights: np.ndarray, prior: tuple[float, float], laws: Laws | None = None):
         self.weights = np.asarray(weights, dtype=float) / np.sum(weights)
@@ -51,6 +53,11 @@ class Conditioned:
         self.laws = Laws() if laws is None else laws
         self.dimension = len(self.weights) - 1 + len(self.laws)
         self.basis = _complement(self.weights)
+
+    @property
+    def prior_precision(self) -> np.ndarray:
+        """Diagonal (d,) of the prior's precision, as good as none on the constraint."""
+        return np.repeat([0.0, 1.0], [self.basis.shape[1], len(self.laws)])
 
     def multipliers(self, x: np.ndarray) -> np.ndarray:
         """Return multipliers (n, N) of r-hat; nan where a fraction of conductance would not be positive."""
@@ -75,6 +82,13 @@ class Conditioned:
     def coordinates(self, multipliers: np.ndarray) -> np.ndarray:
         """Return the coordinates (n, N - 1 + k) of multipliers that satisfy the constraint, with z = 0."""
         return _with_zeros(_rows_times(1.0 / multipliers - 1.0, self.basis), len(self.laws))
+
+    def linearised(self, multipliers: np.ndarray, flows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return coordinates (d,) and derivatives (N, N - 1) of the flows by those on the constraint.
+
+        Of flows (N,) at multipliers (N,), taken as proportional to each bed's conductance.
+        """
+        return self.coordinates(multipliers[None])[0], (flows * multipliers)[:, None] * self.basis
 
     def log_prior(self, x: np.ndarray) -> np.ndarray:
         """Return the log density (n,) up to a constant; -inf outside the box."""
@@ -107,9 +121,19 @@ class Conditioned:
             self.standard(x)[:] = random.standard_normal((count, len(self.laws)))
         return x
 
+    def outside(self, multipliers: np.ndarray) -> np.ndarray:
+        """Return whether each multiplier (N,) lies outside the prior."""
+        return _outside(multipliers, self.prior)
+
+    def ranges(self, share: tuple[float, float]) -> np.ndarray:
+        """Return the quantiles (N, 2) of each multiplier in the prior, before it is conditioned."""
+        return _ranges(self.prior, share, len(self.weights))
+
 
 class Rescaled:
     """The paper's treatment: multipliers (n, N), rescaled after acceptance, then z. Inexact; kept for comparison."""
+
+    further: tuple[str, ...] = ()
 
     def __init__(self, weights: np.ndarray, prior: tuple[float, float], laws: Laws | None = None):
         self.weights = np.asarray(weights, dtype=float) / np.sum(weights)
@@ -149,6 +173,22 @@ class Rescaled:
         if len(self.laws):
             self.standard(x)[:] = random.standard_normal((count, len(self.laws)))
         return self.adjust(x)
+
+    def outside(self, multipliers: np.ndarray) -> np.ndarray:
+        """Return whether each multiplier (N,) lies outside the prior."""
+        return _outside(multipliers, self.prior)
+
+    def ranges(self, share: tuple[float, float]) -> np.ndarray:
+        """Return the quantiles (N, 2) of each multiplier in the prior, before it is rescaled."""
+        return _ranges(self.prior, share, len(self.weights))
+
+
+def _outside(multipliers: np.ndarray, prior: tuple[float, float]) -> np.ndarray:
+    return (multipliers <= prior[0]) | (multipliers >= prior[1])
+
+
+def _ranges(prior: tuple[float, float], share: tuple[float, float], count: int) -> np.ndarray:
+    return np.tile(np.quantile(prior, share), (count, 1))
 
 
 def _joined(multipliers: np.ndarray, z: np.ndarray, laws: Laws) -> np.ndarray:

@@ -12,7 +12,9 @@ from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.fit_to_fractions import Fit
 from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.linearised import Linearised, design_size
-from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
+from coronaryuq.posterior.model.most_probable import most_probable
+from coronaryuq.posterior.model.tissue import PerGram
+from coronaryuq.posterior.model.total_resistance import Rescaled
 from coronaryuq.posterior.sampler.checkpoint import Prepared, Recorder
 from coronaryuq.posterior.sampler.diagnostics import split_rhat
 from coronaryuq.posterior.sampler.dream import Dream, State
@@ -39,7 +41,12 @@ def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> P
         start, log_density, flows = _alive(posterior, lambda count: space.draw(random, count), chains)
         return Prepared(fit, None, start, log_density, flows, fit.runs + chains)
     count = max(settings.emulator.design or design_size(space.dimension), chains)
-    linearised = Linearised.about(space, likelihood, fit.multipliers, fit.flows, posterior.slope)
+    if isinstance(space, PerGram):
+        found = most_probable(posterior, space.coordinates(fit.multipliers[None])[0])
+        linearised = Linearised.at(space, likelihood, found.x, found.slope)
+        fit = replace(fit, runs=fit.runs + found.runs)
+    else:
+        linearised = Linearised.about(space, likelihood, fit.multipliers, fit.flows, posterior.slope)
     y, log_density, flows = _alive(posterior, lambda n: linearised.design(space, n, random), count)
     prepared = Prepared(fit, None, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
     if not settings.independence.use:
@@ -78,7 +85,7 @@ def sampler(posterior: Posterior, prepared: Prepared, settings: Settings, seed: 
     length: as in `Dream`.
     """
     space, screen = posterior.space, None
-    if prepared.emulator is not None and isinstance(space, Conditioned):
+    if prepared.emulator is not None and not isinstance(space, Rescaled):
         screen = prepared.emulator.screen(space, posterior.likelihood)
         if prepared.walk is not None:
             return Independence(posterior, screen, prepared.walk, settings, seed, length)
@@ -89,7 +96,7 @@ def sampler(posterior: Posterior, prepared: Prepared, settings: Settings, seed: 
 
 
 Inputs = Callable[[np.ndarray], np.ndarray]
-"""Multipliers of r-hat and values of uncertain parameters (n, N + k), at coordinates (n, d)."""
+"""Multipliers of r-hat, the further inputs of the space and values of uncertain parameters, at coordinates (n, d)."""
 
 
 def run(dream: Dream, state: State, recorder: Recorder, checkpoint: int, names: list[str], inputs: Inputs) -> State:

@@ -9,7 +9,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.linearised import Linearised
-from coronaryuq.posterior.model.total_resistance import Conditioned
+from coronaryuq.posterior.model.total_resistance import Rescaled
 from coronaryuq.posterior.sampler.diagnostics import good_enough, pareto_smoothed
 from coronaryuq.posterior.sampler.dream import Dream, Map, State, Target
 from coronaryuq.posterior.sampler.exploration import EXPLORED, Walk, explore, explorers
@@ -90,7 +90,7 @@ def try_emulator(
     unless no ratio is twice their mean.
     """
     dream, ranks, space, likelihood = settings.dream, posterior.ranks, posterior.space, posterior.likelihood
-    assert isinstance(space, Conditioned)  # the emulator needs coordinates on the constraint
+    assert not isinstance(space, Rescaled)  # the emulator needs coordinates on the constraint
     start, made, k_hat, refused = y[: explorers(dream.chains, y.shape[1])], 0, np.nan, ""
     for attempt in range(ATTEMPTS):
         emulator = ranks.run_on_first(partial(Emulator.of_runs, space, likelihood, linearised, y, flows))

@@ -1,0 +1,163 @@
+"""The prior of conductance per gram: its law, its coordinates, and what it makes of too little flow."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from coronaryuq.posterior import stage
+from coronaryuq.posterior.model.emulator import Emulator
+from coronaryuq.posterior.model.flow_model import Posterior
+from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.linearised import Linearised, design_size
+from coronaryuq.posterior.model.most_probable import most_probable
+from coronaryuq.posterior.model.tissue import LEVEL, PerGram, Tissue
+from coronaryuq.posterior.results import Chains
+from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
+from coronaryuq.zerod.theta import Laws, UncertainParameter
+from support.ranks import uniformity
+
+WEIGHTS, MASS = np.array([0.2, 0.3, 0.1, 0.4]), np.array([20.0, 15.0, 30.0, 35.0])
+ARTERIES = ("LAD", "LAD", "LCx", "RCA")
+THROAT = UncertainParameter("throat", "lognormal", 1.0, 0.3, "factor", {})
+
+
+class Stenosed:
+    """Four beds at 90 mmHg; the first two lie behind a quadratic loss that falls with the fourth power of a radius."""
+
+    def __init__(self, resistance, loss):
+        self.resistance, self.loss, self.beds = resistance, loss, resistance
+
+    @property
+    def weights(self):
+        return (1 / self.resistance) / np.sum(1 / self.resistance)
+
+    def flows(self, inputs):
+        n = len(self.resistance)
+        further = inputs[:, n:] if inputs.shape[1] > n else np.ones((len(inputs), 2))
+        r, throat = self.resistance * inputs[:, :n] * further[:, :1], further[:, 1]
+        loss = self.loss * throat**-4
+        conductance = (1 / r[:, :2]).sum(axis=1)
+        # 90 = q / conductance + loss q²
+        q = (-1 / conductance + np.sqrt(conductance**-2 + 4 * loss * 90)) / (2 * loss)
+        behind = q / conductance
+        return np.column_stack([behind / r[:, 0], behind / r[:, 1], 90 / r[:, 2], 90 / r[:, 3]])
+
+
+def space(spread=0.25, laws=None):
+    return PerGram(WEIGHTS, Tissue(MASS, ARTERIES, spread, 0.5), laws)
+
+
+@given(st.lists(st.floats(0.05, 20.0), min_size=4, max_size=4))
+def test_coordinates_are_the_inverse_of_multipliers(multipliers):
+    m = np.array([multipliers])
+    assert np.allclose(space().multipliers(space().coordinates(m)), m, rtol=1e-8)
+
+
+@given(st.lists(st.floats(-3.0, 3.0), min_size=5, max_size=5))
+def test_r_preserves_the_total_resistance_and_s_scales_it(x):
+    laws = Laws([THROAT])
+    own = space(laws=laws)
+    at = np.array([x])
+    r, s, throat = own.inputs(at)[0, :4], own.inputs(at)[0, 4], own.inputs(at)[0, 5]
+    assert np.isclose(np.sum(WEIGHTS / r), 1.0)
+    assert np.allclose(r * s, own.multipliers(at)[0])
+    assert np.isclose(throat, np.exp(0.3 * x[4]))
+
+
+def test_conductance_per_gram_has_the_stated_spread_and_correlation():
+    own = space()
+    drawn = np.log(own.multipliers(own.draw(np.random.default_rng(1), 200_000)) * MASS / WEIGHTS)
+    covariance = np.cov(drawn, rowvar=False) - LEVEL**2
+    expected = 0.25**2 * np.array([[1, 0.5, 0, 0], [0.5, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    # The standard error of a covariance of two variables with variance near 1.06.
+    assert np.allclose(covariance, expected, atol=5 * 1.06 * np.sqrt(2 / 200_000))
+
+
+def test_prior_ranges_hold_their_share():
+    own = space()
+    low, high = own.ranges((0.025, 0.975)).T
+    r = own.inputs(own.draw(np.random.default_rng(2), 20_000))[:, :4]
+    inside = np.mean((r > low) & (r < high), axis=0)
+    assert np.allclose(inside, 0.95, atol=4 * np.sqrt(2 * 0.95 * 0.05 / 20_000))
+
+
+def problem(truth=0.75):
+    """Return a posterior whose first artery is truly narrower than segmented."""
+    laws, per_gram = Laws([THROAT]), 90.0
+    model = Stenosed(per_gram * 100.0 / MASS, 150.0)
+    inputs = np.concatenate([np.ones(5), [truth]])[None]
+    flows = model.flows(inputs)[0]
+    likelihood = Likelihood(flows, np.diag((0.1 * flows) ** 2) + 0.1**2 * np.outer(flows, flows))
+    # r-hat as the calibration leaves it: shares of conductance that follow the flow.
+    own = PerGram(model.weights, Tissue(MASS, ARTERIES, 0.25, 0.5), laws)
+    return model, own, Posterior(model, own, likelihood, total_known=True)
+
+
+def test_little_flow_per_gram_narrows_the_artery():
+    _, own, posterior = problem()
+    _, same, plain = problem(truth=1.0)
+    tight = own.laws.values(own.standard(most_probable(posterior, np.zeros(5)).x[None]))[0, 0]
+    wide = same.laws.values(same.standard(most_probable(plain, np.zeros(5)).x[None]))[0, 0]
+    assert tight < 0.9 and abs(wide - 1.0) < 1e-3
+
+
+def test_the_most_probable_state_is_a_minimum():
+    _, own, posterior = problem()
+    found = most_probable(posterior, np.zeros(5))
+    least = posterior(found.x[None])[0][0]
+    around = found.x + 0.05 * np.vstack([np.eye(5), -np.eye(5)])
+    assert np.all(posterior(around)[0] < least + 1e-3)
+    assert found.slope.shape == (4, 5)
+    h = 1e-4 * np.eye(5)
+    exact = (posterior.flows(found.x + h) - posterior.flows(found.x - h)).T / 2e-4
+    assert np.allclose(found.slope, exact, rtol=0.05, atol=0.02 * np.abs(exact).max())
+
+
+def test_the_emulated_density_is_that_of_emulated_flows():
+    model, own, posterior = problem()
+    found = most_probable(posterior, np.zeros(5))
+    random = np.random.default_rng(3)
+    linearised = Linearised.at(own, posterior.likelihood, found.x, found.slope)
+    x = linearised.design(own, 4 * design_size(5), random)
+    emulator = Emulator.fit(own.stepped(x), own.multipliers(x), model.flows(own.inputs(x)))
+    expected = own.log_prior(x) + posterior.likelihood.log_density(emulator.flows(x, own.multipliers(x)))
+    assert np.allclose(emulator.screen(own, posterior.likelihood)(x), expected, rtol=1e-10)
+
+
+def test_a_model_that_fails_where_the_search_begins_is_told():
+    _, own, posterior = problem()
+    posterior.model.loss = np.nan
+    with pytest.raises(RuntimeError, match="the model fails"):
+        most_probable(posterior, np.zeros(own.dimension))
+
+
+SHORT = Settings(
+    dream=DreamSettings(chains=12, generations=300), emulator=EmulatorSettings(generations=20), checkpoint=10_000,
+    independence=IndependenceSettings(draws=20),
+)  # fmt: skip
+
+
+@pytest.mark.long
+def test_simulation_based_calibration(tmp_path, capsys):
+    """Truth from the prior, flows with their noise: ranks of resistances, level and throat are uniform."""
+    replications, laws = 120, Laws([THROAT])
+    tissue = Tissue(MASS, ARTERIES, 0.25, 0.5)
+    model = Stenosed(9000.0 / MASS, 150.0)
+    own = PerGram(model.weights, tissue, laws)
+    usual = model.flows(np.concatenate([np.ones(5), [1.0]])[None])[0]
+    covariance = np.diag((0.2 * usual) ** 2) + 0.1**2 * np.outer(usual, usual)
+    noise, random = np.linalg.cholesky(covariance), np.random.default_rng(2024)
+    ranks = np.empty((replications, 6), dtype=int)
+    for k in range(replications):
+        x = own.draw(random, 1)
+        flows = model.flows(own.inputs(x))[0]
+        data = flows + noise @ random.standard_normal(4)
+        targets = stage.TargetFlows(list("abcd"), data, covariance)
+        unknowns = stage.Unknowns(model.weights, laws, tissue)
+        stage.run_chains(model, unknowns, targets, SHORT, k, tmp_path / "chains.npz", key=str(k))
+        chains = Chains.read(tmp_path / "chains.npz")
+        last = np.hstack([chains.multipliers[:, -1], chains.parameters[:, -1]])
+        ranks[k] = np.sum(last < own.inputs(x)[0], axis=0)
+    p = uniformity(ranks, 12)
+    assert np.all(p > 1e-3 / len(p)), p
