@@ -101,10 +101,9 @@ def test_with_a_map_nothing_is_left_to_ask(here, capsys):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("surface", [False, True])
-def test_the_commented_place_of_a_wire_is_sound(here, surface):
-    write_lumen(Path("lumen.stl"), short_tree(), 1.0) if surface else write_tree("tree.vtp", small_tree())
-    assert init("lumen.stl" if surface else "tree.vtp", "--yes") == 0
+def test_the_commented_place_of_a_wire_is_sound(here):
+    write_tree("tree.vtp", small_tree())
+    assert init("tree.vtp", "--yes") == 0
     fill_flows("10")
     case = Path("mine/case.yaml")
     assert case.read_text().count("# ffr_at: [{artery: LAD, distance: ") == 1

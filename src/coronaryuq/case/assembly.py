@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from coronaryuq.case.anatomy.dominance import find_dominance
 from coronaryuq.case.anatomy.ffr_place import ffr_notes, with_ffr_places
 from coronaryuq.case.anatomy.read import PlacedOutlets, place_outlets, place_stenoses, read_anatomy
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
@@ -18,6 +19,7 @@ from coronaryuq.case.case_json import (
     CaseOutlet,
     CaseStenosis,
     CaseSummary,
+    Dominance,
     TargetValue,
 )
 from coronaryuq.case.description.fields import ARTERIES, Description, StenosisPlace, read_description
@@ -47,8 +49,13 @@ DEFAULT_PERIOD = 1.0
 """s."""
 FED: dict[Artery, tuple[Branch, ...]] = {"LM": ("LAD", "LCx"), "LAD": ("LAD",), "LCx": ("LCx",), "RCA": ("RCA",)}
 """Branches of the outlets that each artery feeds."""
-MAIN_LABELS: dict[Artery, tuple[str, ...]] = {"LM": ("LAD",), "LAD": ("LAD",), "LCx": ("LCx",), "RCA": ("RCA", "PDA")}
-"""Labels of the outlet at each artery's own end; a dominant right coronary artery ends as its PDA."""
+MAIN_LABELS: dict[Artery, tuple[str, ...]] = {
+    "LM": ("LAD",),
+    "LAD": ("LAD",),
+    "LCx": ("LCx", "PDA"),
+    "RCA": ("RCA", "PDA"),
+}
+"""Labels of the outlet at each artery's own end; the dominant artery ends as the PDA."""
 
 
 @dataclass(frozen=True)
@@ -165,11 +172,16 @@ def assemble(
         systemic=[bc for bc in topology.vessel_of if topology.kind(bc) == SYSTEMIC],
         stenoses=_stenoses(path, description, tree, stenoses, topology, outlets),
         ffr_at=sketch.wire_places,
+        dominance=None if anatomy is None else _dominance(tree, outlets),
         targets=targets,
         errors=(description.errors or RoutineErrors()) if uncertainty == "full" else None,
         notes=[*notes, *target_notes, *wall.notes],
     )
     return AssembledCase(description, tree, stenoses, network, topology, summary, wall)
+
+
+def _dominance(tree: Tree, outlets: list[CaseOutlet]) -> Dominance | None:
+    return find_dominance(tree, {o.vessel: o.branch for o in outlets}, {o.vessel: o.label for o in outlets})
 
 
 def _with_uncertain_lumen(

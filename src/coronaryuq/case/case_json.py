@@ -12,6 +12,8 @@ from coronaryuq.core.io.typed import checked
 Branch = Literal["LAD", "LCx", "RCA"]
 Artery = Literal["LM", "LAD", "LCx", "RCA"]
 Tissue = Literal["LV", "RV", "septum"]
+Dominance = Literal["right", "left", "co"]
+"""The artery that feeds the back of the heart: the right one, the circumflex, or both."""
 AnatomyKind = Literal["centrelines", "surface", "simvascular", "mesh"]
 Stop = Literal["end", "branch", "stenosis"]
 """What keeps the place of FFR nearer to its stenosis than asked."""
@@ -127,6 +129,7 @@ class CaseSummary(_Part):
     systemic: list[str]
     stenoses: list[CaseStenosis]
     ffr_at: list[CaseWirePlace] = []
+    dominance: Dominance | None = None
     targets: dict[str, TargetValue]
     errors: RoutineErrors | None = None
     notes: list[str]

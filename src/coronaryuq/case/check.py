@@ -2,6 +2,7 @@
 
 from collections import Counter
 
+from coronaryuq.case.anatomy.dominance import WORDS
 from coronaryuq.case.anatomy.stenosis_detection import example_stenosis
 from coronaryuq.case.anatomy.tree import AORTA
 from coronaryuq.case.assembly import AssembledCase
@@ -36,6 +37,8 @@ def describe(case: AssembledCase) -> list[str]:
     if case.description.perfusion is not None:
         distances = distances_to_outlets(wall, summary.outlets)
         lines[-1] += f"; its outlets lie {distances.min():.1f} to {distances.max():.1f} cm from it"
+    if summary.dominance is not None:
+        lines.append(f"dominance: {WORDS[summary.dominance]}")
     for stenosis in summary.stenoses:
         ratio, start = stenosis.area_ratio, stenosis.start
         narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"

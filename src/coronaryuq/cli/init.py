@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from coronaryuq.case.anatomy.dominance import WORDS
 from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.draft.draft import CASE, Draft, draft_anatomy, draft_network
 from coronaryuq.case.draft.perfusion import perfusion_entry
@@ -141,5 +142,7 @@ def _told(draft: Draft) -> list[str]:
     for row in draft.rows:
         how = "" if row.named else " (from the course of the vessels; check it)"
         lines.append(f"outlet {row.name}: {row.branch or 'artery unknown'}, {row.perfuses or 'tissue unknown'}{how}")
+    if draft.dominance is not None:
+        lines.append(f"dominance: {WORDS[draft.dominance]}; check it")
     lines += [f"stenosis {s.entry['name']}: {s.narrowing:.0%} of the area" for s in draft.stenoses]
     return lines + [f"note: {note}" for note in draft.notes]

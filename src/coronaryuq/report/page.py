@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from coronaryuq.case.anatomy.dominance import WORDS
 from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
@@ -73,6 +74,7 @@ def write_report(
     lesions = [Lesion(stenosis, inputs, mesh, _beyond(stenosis, mesh_json)) for stenosis in case.stenoses]
     context = {
         "case": case,
+        "dominance": case.dominance and WORDS[case.dominance],
         "date": f"{date.today():%d %B %Y}".lstrip("0"),
         "campaign": configuration["name"],
         "backend": configuration["backend"],

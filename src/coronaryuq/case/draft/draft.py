@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from coronaryuq.case.anatomy.closed_lumen import AORTIC
+from coronaryuq.case.anatomy.dominance import find_dominance
 from coronaryuq.case.anatomy.read import place_outlets, read_anatomy
 from coronaryuq.case.anatomy.stenosis_detection import detected_stenoses
 from coronaryuq.case.anatomy.tree import AORTA, Tree, area_ratio
 from coronaryuq.case.anatomy.vessel_names import course
 from coronaryuq.case.anatomy.wire_places import distance_from_ostium
-from coronaryuq.case.case_json import Branch, Point, Tissue
+from coronaryuq.case.case_json import Branch, Dominance, Point, Tissue
 from coronaryuq.case.description.fields import Anatomy, Description, SystemicOutlet, TerritoryFlows
 from coronaryuq.case.draft.labels import BRANCHES, artery_of, label_ends, tissue_of
 from coronaryuq.case.draft.source import End, Source
@@ -65,6 +66,8 @@ class Draft:
         Narrowings that were found.
     wire_place
         Example of an entry of `ffr_at`, whose measured value is invented; None for a network.
+    dominance
+        Which artery feeds the back of the heart, None where that is not to be seen.
     inlet, systemic
         Aortic inlet and outlets, where `case.yaml` has to name them.
     tree
@@ -78,6 +81,7 @@ class Draft:
     unit: str | None = None
     stenoses: list[DraftStenosis] = field(default_factory=list)
     wire_place: dict[str, Any] | None = None
+    dominance: Dominance | None = None
     inlet: Point | None = None
     systemic: list[dict[str, Any]] = field(default_factory=list)
     tree: Tree | None = None
@@ -207,8 +211,15 @@ def _with_stenoses(draft: Draft, settings: Settings) -> Draft:
         for s in detected_stenoses(tree, settings.narrowing, settings.serial)
     ]
     labels = {placed.vessels[row.name]: row.label for row in draft.rows}
-    wire_place = _example_of_a_wire_place(tree, labels)
-    return replace(draft, stenoses=stenoses, wire_place=wire_place, tree=tree, notes=notes + placed.notes)
+    branches = {placed.vessels[row.name]: row.branch for row in draft.rows if row.branch is not None}
+    return replace(
+        draft,
+        stenoses=stenoses,
+        wire_place=_example_of_a_wire_place(tree, labels),
+        dominance=find_dominance(tree, branches, labels),
+        tree=tree,
+        notes=notes + placed.notes,
+    )
 
 
 def _example_of_a_wire_place(tree: Tree, labels: Mapping[str, str]) -> dict[str, Any] | None:

@@ -8,7 +8,9 @@ from typing import get_args
 
 import numpy as np
 
-from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel
+from coronaryuq.case.anatomy.heart_frame import Courses, apical_middle, departure, find_courses, is_inferior
+from coronaryuq.case.anatomy.paths import Paths, first_part, in_groove_with, off_plane
+from coronaryuq.case.anatomy.tree import AORTA, Tree
 from coronaryuq.case.case_json import Branch, Tissue
 
 BRANCHES: tuple[Branch, ...] = get_args(Branch)
@@ -24,11 +26,11 @@ RIGHT_HEART, SEPTUM = r"rv\d*|am\d*|acute\w*|conus\w*", r"s\d+|sept\w*"
 """Words for what perfuses the right ventricle, and the septum."""
 LIKELY: dict[Branch, str] = {"LAD": "D", "LCx": "OM", "RCA": "RV"}
 """Label of the side branches of an artery."""
+TISSUES: dict[str, Tissue] = {"RV": "RV", "S": "septum"}
+"""Tissue of the kinds of side branches that do not perfuse the left ventricle."""
 CRUX = 0.5
-"""Fraction of the length of the right coronary artery beyond which its branches perfuse the left ventricle."""
-
-SPACING = 0.1
-"""cm between the points of a course."""
+"""Fraction of the length of the right coronary artery beyond which its branches perfuse the left ventricle, where the
+left arteries are not there to tell the heart's directions."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +65,14 @@ def label_ends(tree: Tree, ends: Sequence[str], names_tell: bool = True) -> dict
         names = ((v.name, v.branch) for v in reversed(tree.path(end)) if names_tell)
         known = next((found for name, branch in names if (found := artery_of(name, branch))), None)
         branches[end] = (known, known is not None)
-    by_place = _by_place(tree, ends, {end: branch for end, (branch, _) in branches.items()})
+    paths = Paths(tree)
+    by_place = _by_place(paths, ends, {end: branch for end, (branch, _) in branches.items()})
     branches |= {end: (branch, False) for end, branch in by_place.items()}
     labels: dict[str, EndLabel] = {}
+    courses = find_courses(paths, known_branches := {end: b for end, (b, _) in branches.items() if b is not None})
     for branch in BRANCHES:
-        own = [end for end in ends if branches[end][0] == branch]
-        for end, (label, perfuses) in _along_artery(tree, own, branch).items():
+        own = [end for end in known_branches if known_branches[end] == branch]
+        for end, (label, perfuses) in _along_artery(paths, own, branch, courses).items():
             labels[end] = EndLabel(branch, label, perfuses, branches[end][1])
     return {end: labels.get(end) or EndLabel(None, end, None, False) for end in ends}
 
@@ -95,11 +99,12 @@ def tissue_of(name: str, branch: Branch | None) -> Tissue | None:
     return "LV" if branch in ("LAD", "LCx") or says(name, NAMED["distal"]) else None
 
 
-def _by_place(tree: Tree, ends: Sequence[str], known: dict[str, Branch | None]) -> dict[str, Branch]:
+def _by_place(paths: Paths, ends: Sequence[str], known: dict[str, Branch | None]) -> dict[str, Branch]:
     """Return the artery of the ends of which no name tells it."""
+    tree = paths.tree
     starts: dict[str, list[str]] = {}
     for end in ends:
-        starts.setdefault(_ostium(tree, end, ends), []).append(end)
+        starts.setdefault(_ostium(paths, end, ends), []).append(end)
     sides = _sides(tree, starts, known)
     root = np.mean([tree[start].points[0] for start in starts], axis=0)
     found: dict[str, Branch] = {}
@@ -108,24 +113,22 @@ def _by_place(tree: Tree, ends: Sequence[str], known: dict[str, Branch | None]) 
         if sides.get(start) == "right":
             found |= dict.fromkeys(unknown, "RCA")
         elif sides.get(start) == "left" and unknown:
-            right = next((_course(tree, ends) for other, ends in starts.items() if sides.get(other) == "right"), None)
-            left = _left_arteries(tree, start, own, known, root, right)
+            right = next((ends for other, ends in starts.items() if sides.get(other) == "right"), None)
+            left = _left_arteries(paths, start, own, known, root, right)
             found |= {end: left[end] for end in unknown}
     return found
 
 
-def _ostium(tree: Tree, end: str, ends: Iterable[str]) -> str:
+def _ostium(paths: Paths, end: str, ends: Iterable[str]) -> str:
     """Return the first vessel on the way to an end that feeds coronary ends only."""
-    coronary = set(ends)
-    return next(v.name for v in tree.path(end) if {w.name for w in _leaves(tree, v.name)} <= coronary)
-
-
-def _leaves(tree: Tree, name: str) -> list[Vessel]:
-    return [v for v in tree.subtree(name) if not tree.children(v.name)]
+    return paths.own_vessels(end, frozenset(ends))[0].name
 
 
 def _sides(tree: Tree, starts: dict[str, list[str]], known: dict[str, Branch | None]) -> dict[str, str]:
-    """Return the side of every coronary tree, by its names, else by the number of its ends and its length."""
+    """Return the side of every coronary tree, by its names, else by its first bifurcation.
+
+    The left one divides early into two parts of which neither is short, LAD and LCx.
+    """
     sides: dict[str, str] = {}
     for start, own in starts.items():
         words = [v.name for v in tree.subtree(start)]
@@ -134,7 +137,7 @@ def _sides(tree: Tree, starts: dict[str, list[str]], known: dict[str, Branch | N
             sides[start] = "left"
         elif arteries:
             sides[start] = "right"
-    extent = {start: (len(own), sum(v.length for v in tree.subtree(start))) for start, own in starts.items()}
+    extent = {start: (_division(tree, start), len(own), _length(tree, start)) for start, own in starts.items()}
     for start in sorted(starts, key=lambda start: extent[start], reverse=True):
         missing = [side for side in ("left", "right") if side not in sides.values()]
         if start not in sides and missing:
@@ -142,22 +145,37 @@ def _sides(tree: Tree, starts: dict[str, list[str]], known: dict[str, Branch | N
     return sides
 
 
+def _division(tree: Tree, start: str) -> float:
+    """Return the length of the lesser part behind the first bifurcation over the length of the trunk before it."""
+    trunk = [tree[start]]
+    while len(children := tree.children(trunk[-1].name)) == 1:
+        trunk += children
+    parts = sorted(_length(tree, child.name) for child in children)
+    return parts[-2] / sum(v.length for v in trunk) if parts else 0.0
+
+
+def _length(tree: Tree, name: str) -> float:
+    """Return the length (cm) of a vessel and all downstream of it."""
+    return sum(v.length for v in tree.subtree(name))
+
+
 def _left_arteries(
-    tree: Tree,
+    paths: Paths,
     start: str,
     ends: Sequence[str],
     known: dict[str, Branch | None],
     root: np.ndarray,
-    right: np.ndarray | None,
+    right: Sequence[str] | None,
 ) -> dict[str, Branch]:
     """Return the artery of each end of a left tree: its two parts behind the first bifurcation are LAD and LCx.
 
-    right: the course (n, 3) of the right coronary artery, if there is one; root: the middle of the ostia.
+    right: the ends of the right coronary artery, if there is one; root: the middle of the ostia.
     """
+    tree = paths.tree
     trunk = start
     while len(children := tree.children(trunk)) == 1:
         trunk = children[0].name
-    parts = {child.name: [v.name for v in _leaves(tree, child.name)] for child in children} or {trunk: list(ends)}
+    parts = {child.name: paths.ends(child.name) for child in children} or {trunk: list(ends)}
     arteries: dict[str, Branch] = {}
     for part, own in parts.items():
         named = Counter(branch for end in own if (branch := known[end]) is not None)
@@ -166,58 +184,98 @@ def _left_arteries(
     if right is None:
         away = {part: max(float(np.linalg.norm(tree[e].points[-1] - root)) for e in own) for part, own in parts.items()}
     else:
-        away = {part: _off_plane(np.vstack([right, _course(tree, own)])) for part, own in parts.items()}
+        groove = first_part(paths.course(paths.longest(right), right))
+        away = {part: off_plane(np.vstack([groove, in_groove_with(paths, own, groove)])) for part, own in parts.items()}
     for part in sorted(parts, key=lambda part: -away[part]):
         arteries.setdefault(part, "LCx" if "LAD" in arteries.values() else "LAD")
     return {end: arteries[part] for part, own in parts.items() for end in own}
 
 
-def _course(tree: Tree, ends: Sequence[str]) -> np.ndarray:
-    """Return the first part, up to `CRUX`, of an artery's own course as points (n, 3), evenly spaced."""
-    path = [v for v in tree.path(_main(tree, ends)) if {leaf.name for leaf in _leaves(tree, v.name)} <= {*ends}]
-    points = np.concatenate([v.resampled(SPACING).points for v in path])
-    return points[: max(3, int(CRUX * len(points)))]
-
-
-def _off_plane(points: np.ndarray) -> float:
-    """Return the root mean square distance of points (n, 3) from their plane."""
-    return float(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] / np.sqrt(len(points)))
-
-
-def _along_artery(tree: Tree, ends: Sequence[str], branch: Branch) -> dict[str, tuple[str, Tissue]]:
+def _along_artery(
+    paths: Paths, ends: Sequence[str], branch: Branch, courses: Courses | None
+) -> dict[str, tuple[str, Tissue]]:
     """Return label and tissue of the ends of an artery: its own end, and side branches numbered along its course."""
     if not ends:
         return {}
+    tree = paths.tree
     arc = {v.name: sum(part.length for part in tree.path(v.name)) for v in tree}
-    main = next((end for end in ends if artery_label(end) == branch and end.isalpha()), None) or _main(tree, ends)
-    course = [v.name for v in tree.path(main)]
-    leaves_at = {end: next(v.name for v in reversed(tree.path(end)) if v.name in course) for end in ends}
-    first = min((arc[place] for place in leaves_at.values()), default=0.0)
-    distal = first + CRUX * (arc[main] - first)
-    labels: dict[str, tuple[str, Tissue]] = {}
-    numbers: Counter[str] = Counter()
+    named = next((end for end in ends if artery_label(end) == branch and end.isalpha()), None)
+    main = named or (_main(paths, ends) if courses is None else _own_end(courses, branch, ends))
+    path = [v.name for v in tree.path(main)]
+    leaves_at = {end: next(v.name for v in reversed(tree.path(end)) if v.name in path) for end in ends}
     side: dict[tuple[str, str], list[str]] = {}
     for end in sorted((end for end in ends if end != main), key=lambda end: (arc[leaves_at[end]], end)):
-        behind = tree.path(end)[course.index(leaves_at[end]) + 1].name
+        behind = tree.path(end)[path.index(leaves_at[end]) + 1].name
         side.setdefault((leaves_at[end], behind), []).append(end)
-    crossed = any(arc[place] >= distal for end, place in leaves_at.items() if end != main)
+    first = min((arc[place] for place in leaves_at.values()), default=0.0)
+    crux = first + CRUX * (arc[main] - first)
+    labels: dict[str, tuple[str, Tissue]] = {}
+    numbers: Counter[str] = Counter()
     for (place, _), own in side.items():
-        stem = "PL" if branch == "RCA" and arc[place] >= distal else LIKELY[branch]
-        stem = "S" if all(says(end, SEPTUM) for end in own) else stem
-        numbers[stem] += 1
-        for k, end in enumerate(own):
-            label = f"{stem}{numbers[stem]}{chr(ord('a') + k) if len(own) > 1 and k else ''}"
-            labels[end] = (_own_label(end) or label, tissue_of(end, branch) or ("RV" if stem == "RV" else "LV"))
-    label = "PDA" if branch == "RCA" and crossed else branch
-    return labels | {main: (_own_label(main) or label, tissue_of(main, branch) or "LV")}
+        stems = {
+            end: _stem_by_distance(branch, arc[place] >= crux)
+            if courses is None
+            else _stem_by_place(paths, end, place, branch, courses)
+            for end in own
+        }
+        stems |= {end: "S" for end in own if says(end, SEPTUM)}
+        for stem in dict.fromkeys(stems.values()):
+            alike = [end for end in own if stems[end] == stem]
+            if stem == "PL":  # each has its own number, in the order in which they leave their trunk
+                alike.sort(key=lambda end: (arc[end] - tree[end].length, end))
+            for k, end in enumerate(alike):
+                numbers[stem] += k == 0 or stem == "PL"
+                letter = chr(ord("a") + k) if k and stem != "PL" else ""
+                labels[end] = (
+                    _own_label(end) or f"{stem}{numbers[stem]}{letter}",
+                    tissue_of(end, None) or TISSUES.get(stem, "LV"),
+                )
+    tissue: Tissue = "LV"
+    if courses is None:
+        posterior = branch == "RCA" and any(arc[place] >= crux for end, place in leaves_at.items() if end != main)
+    else:
+        posterior = main == courses.pda
+        if branch == "RCA" and courses.pda is not None and not posterior:
+            tissue = TISSUES.get(_stem_by_place(paths, main, main, branch, courses), "LV")
+    return labels | {main: (_own_label(main) or ("PDA" if posterior else branch), tissue_of(main, None) or tissue)}
 
 
-def _main(tree: Tree, ends: Sequence[str]) -> str:
+def _own_end(courses: Courses, branch: Branch, ends: Sequence[str]) -> str:
+    """Return the end of an artery's own course by its place on the heart: that of the dominant artery is the PDA."""
+    if courses.pda is not None and courses.pda in ends:
+        return courses.pda
+    return {"LAD": courses.lad, "LCx": courses.circumflex, "RCA": courses.right}[branch]
+
+
+def _stem_by_distance(branch: Branch, beyond_crux: bool) -> str:
+    """Return the kind of a side branch where the places of the other arteries are unknown."""
+    return "PL" if branch == "RCA" and beyond_crux else LIKELY[branch]
+
+
+def _stem_by_place(paths: Paths, end: str, place: str, branch: Branch, courses: Courses) -> str:
+    """Return the kind of a side branch, without number, by where it leads from the vessel `place` of its artery.
+
+    Of the LAD, a diagonal runs over the left ventricle, a septal branch into the heart, others over the right one. Of
+    the circumflex, a branch on the inferior wall is a posterolateral one. Of the right coronary artery, one on the
+    left ventricle's side of the PDA is.
+    """
+    frame, point = courses.frame, paths.tree[end].points[-1]
+    if branch == "LAD":
+        leftwards, inwards = departure(paths, place, paths.behind(place, end), frame)
+        return "D" if leftwards >= inwards else "RV" if -leftwards > inwards else "S"
+    if branch == "LCx":
+        return "PL" if is_inferior(paths, end, courses) else "OM"
+    groove = 0.0 if courses.pda is None else float(frame.aside(apical_middle(paths, courses.pda, frame)))
+    behind = float((point - frame.centre) @ frame.anterior) < 0
+    return "PL" if behind and float(frame.aside(point)) > groove else "RV"
+
+
+def _main(paths: Paths, ends: Sequence[str]) -> str:
     """Return the end of an artery's own course, along the vessels that feed most of `ends`, then the wider ones."""
-    own, paths = set(ends), [tree.path(end) for end in ends]
-    at = paths[0][max(k for k in range(min(map(len, paths))) if len({path[k].name for path in paths}) == 1)]
+    tree, own, ways = paths.tree, set(ends), [paths.tree.path(end) for end in ends]
+    at = ways[0][max(k for k in range(min(map(len, ways))) if len({way[k].name for way in ways}) == 1)]
     while at.name not in own:
-        fed = {v.name: len(own & {leaf.name for leaf in _leaves(tree, v.name)}) for v in tree.children(at.name)}
+        fed = {v.name: len(own.intersection(paths.ends(v.name))) for v in tree.children(at.name)}
         onward = [v for v in tree.children(at.name) if fed[v.name]]
         at = max(onward, key=lambda v: (fed[v.name], float(np.median(v.radii)), v.name))
     return at.name

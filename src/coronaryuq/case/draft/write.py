@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from coronaryuq.case.anatomy.dominance import WORDS
 from coronaryuq.case.draft.draft import CASE, FLOWS, OUTLETS, TARGETS, Draft, DraftRow
 from coronaryuq.case.tables.targets import OUTPUT_AND_RATE
 from coronaryuq.case.tables.targets import TARGETS as KNOWN_TARGETS
@@ -244,6 +245,8 @@ def readme(name: str, draft: Draft, inputs: Inputs) -> str:
             "- Arteries and labels from the course of the vessels, not from names: "
             + ", ".join(f"{row.name} ({row.branch or '?'}, {row.perfuses or '?'})" for row in guessed)
         )
+    if draft.dominance is not None:
+        checks.append(f"- Dominance by the course of the arteries: {WORDS[draft.dominance]}")
     run = f"coronaryuq run {CONFIGURATION}"
     if not draft.stenoses or draft.tree is None:
         run += " posterior   # without an anatomy or a stenosis there is no 3D model"
