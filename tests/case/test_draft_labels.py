@@ -1,12 +1,13 @@
 """Artery, label and tissue of the ends of a tree, from names or from the course of the vessels."""
 
 import re
+import warnings
 from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -130,6 +131,33 @@ def test_without_all_three_arteries_or_a_groove_no_directions_are_told():
     assert find_courses(Paths(tree), {"lca1": "LAD", "lca2": "LCx"}) is None
     tiny = Tree(replace(v, points=v.points / 5, radii=v.radii / 5) for v in tree)
     assert find_courses(Paths(tiny), branches) is None and find_dominance(tiny, branches, {}) is None
+
+
+@given(seed=st.integers(0, 10**6), kind=st.sampled_from(["free", "flat", "line", "lattice"]))
+@example(seed=29, kind="lattice")
+@settings(max_examples=50, deadline=None)
+def test_a_tree_that_is_no_heart_is_labelled_without_a_fault(seed, kind):
+    random, vessels = np.random.default_rng(seed), [straight("aorta", (0, 0, 0), (0, 0, 1), 2.0, (1.2, 1.2))]
+
+    def grow(name: str, parent: str, start: np.ndarray, length: float) -> None:
+        direction = random.normal(size=3) * (1, 1, 0 if kind == "flat" else 1)
+        if kind == "line":
+            direction = np.array([1.0 if name[0] == "l" else -1.0, 0.0, 0.0])
+        if kind == "lattice":
+            direction = np.round(direction) if np.round(direction).any() else np.array([0.0, 1.0, 0.0])
+        vessel = straight(name, start, direction, length, (0.1, 0.1), parent, points=int(random.integers(2, 30)))
+        vessels.append(vessel)
+        for child in range(int(random.integers(1, 4)) if len(name) < 4 and random.random() < 0.8 else 0):
+            grow(f"{name}{child}", name, vessel.points[-1], length * random.uniform(0.1, 1.2))
+
+    for side in "lrq"[: int(random.integers(1, 4))]:
+        grow(side, "aorta", vessels[0].points[-1], float(random.uniform(0.3, 5)))
+    tree = Tree(vessels)
+    ends = [v.name for v in tree.leaves() if v.name != "aorta"]
+    assert {*label_ends(tree, ends)} == {*ends}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        find_dominance(tree, dict(zip(ends, random.choice(["LAD", "LCx", "RCA"], len(ends)), strict=True)), {})
 
 
 @pytest.mark.parametrize(

@@ -124,7 +124,8 @@ def is_inferior(paths: Paths, end: str, courses: Courses) -> bool:
     lad = float(frame.round_wall(first_part(paths.course(courses.lad, [courses.lad])).mean(axis=0)))
     pda = float(frame.round_wall(apical_middle(paths, courses.pda, frame)))
     angle = float(frame.round_wall(paths.tree[end].points[-1]))
-    return INFERIOR < ((angle - lad) % (2 * np.pi)) / ((pda - lad) % (2 * np.pi)) < 1.0
+    whole = (pda - lad) % (2 * np.pi)
+    return INFERIOR * whole < (angle - lad) % (2 * np.pi) < whole
 
 
 def _normal(points: np.ndarray) -> np.ndarray:
@@ -145,10 +146,13 @@ def _circle(points: np.ndarray, axis: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def apical_middle(paths: Paths, end: str, frame: HeartFrame) -> np.ndarray:
-    """Return the middle (3,) of the part of an end's course that lies in the farther half of its way to the apex."""
+    """Return the middle (3,) of the part of an end's course that lies in the farther half of its way to the apex.
+
+    An end on the atria's side of the groove is its own middle.
+    """
     points = paths.to(end)
     heights = frame.height(points)
-    return points[heights >= heights[-1] / 2].mean(axis=0)
+    return points[heights >= heights[-1] / 2].mean(axis=0) if heights[-1] > 0 else points[-1]
 
 
 def reach(paths: Paths, end: str, frame: HeartFrame) -> float:
@@ -183,7 +187,7 @@ def _towards_apex(paths: Paths, ends: Sequence[str], frame: HeartFrame) -> str:
             deepest = [points[int(np.argmax(frame.height(points)))] for points in ways[name]]
             return max(float(frame.height(point) - abs(frame.aside(point))) for point in deepest)
 
-        at = paths.tree[max(on_surface, key=gets)]
+        at = paths.tree[max(on_surface or ways, key=gets)]
     return at.name
 
 
