@@ -5,7 +5,8 @@ import pytest
 
 from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.description.fields import Perfusion
-from coronaryuq.case.perfusion.perfusion_map import check_place, read_wall
+from coronaryuq.case.perfusion.perfusion_map import read_wall
+from coronaryuq.case.perfusion.place import check_place
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import TISSUE_DENSITY
 from support.images import ORIGIN, SIDE, SPACING, meta_image, nifti, nrrd, shell

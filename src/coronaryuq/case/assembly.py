@@ -34,7 +34,8 @@ from coronaryuq.case.network.schematic import radius_from_inertance, schematic_t
 from coronaryuq.case.network.topology import CORONARY, SYSTEMIC, Topology, closed_loop_tree
 from coronaryuq.case.network.units import to_cgs
 from coronaryuq.case.perfusion.outlet_checks import outlet_notes
-from coronaryuq.case.perfusion.perfusion_map import Wall, check_place, read_wall
+from coronaryuq.case.perfusion.perfusion_map import Wall, read_wall
+from coronaryuq.case.perfusion.place import check_place
 from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.case.settings import Settings, Uncertainty
 from coronaryuq.case.sketch import Sketch

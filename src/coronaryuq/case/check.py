@@ -7,7 +7,7 @@ from coronaryuq.case.anatomy.stenosis_detection import example_stenosis
 from coronaryuq.case.anatomy.tree import AORTA
 from coronaryuq.case.assembly import AssembledCase
 from coronaryuq.case.case_json import CaseWirePlace
-from coronaryuq.case.perfusion.perfusion_map import distances_to_outlets
+from coronaryuq.case.perfusion.place import distances_to_outlets
 from coronaryuq.case.tables.targets import BY_NAME, check_targets
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN
 

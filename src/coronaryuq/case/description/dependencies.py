@@ -16,7 +16,7 @@ def files_named(path: str | Path, description: Description) -> list[Path]:
         named.append(description.territory_flows.file)
     if description.perfusion is not None:
         perfusion = description.perfusion
-        named += [perfusion.file, perfusion.label.file if perfusion.label else None]
+        named += [perfusion.file, perfusion.transform, perfusion.label.file if perfusion.label else None]
         if perfusion.registration is not None:
             named += [perfusion.registration.fixed, perfusion.registration.moving]
     return [Path(path).parent / name for name in named if name]

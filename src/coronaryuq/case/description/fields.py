@@ -137,14 +137,25 @@ class Perfusion(_Model):
         description="4 x 4 matrix from the map's space (in its length unit; LPS for NIfTI and NRRD) to the anatomy's "
         "space in cm.",
     )
+    transform: str | None = Field(
+        None,
+        description="Linear transform instead, in a file of ITK (.tfm, .h5, .txt, .mat), as 3D Slicer saves it after "
+        "the map was moved onto the anatomy: from LPS positions in the anatomy to those in the map, mm.",
+    )
     registration: Registration | None = Field(None, description="Compute the affine matrix from two images instead.")
+
+    @property
+    def placed_by(self) -> Literal["affine", "transform", "registration"] | None:
+        """The field that places the map relative to the anatomy."""
+        ways: tuple[Literal["affine", "transform", "registration"], ...] = ("affine", "transform", "registration")
+        return next((way for way in ways if getattr(self, way) is not None), None)
 
     @model_validator(mode="after")
     def _consistent(self):
         if self.label is not None and self.threshold is not None:
             raise ValueError("give label or threshold, not both")
-        if self.affine is not None and self.registration is not None:
-            raise ValueError("give affine or registration, not both")
+        if sum(way is not None for way in (self.affine, self.transform, self.registration)) > 1:
+            raise ValueError("give only one of affine, transform and registration")
         if self.affine is not None and [len(row) for row in self.affine] != [4, 4, 4, 4]:
             raise ValueError("affine must have 4 rows of 4 numbers")
         return self

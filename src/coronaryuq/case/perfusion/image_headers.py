@@ -73,7 +73,9 @@ def check_header(path: Path, header: Header, placed_otherwise: bool) -> None:
             )
             raise InputError(path, "axes", f"{angle:.4g} degrees", remedy)
     if not header.placed and not placed_otherwise:
-        remedy = f"the header does not say where the image lies; {EXPORT}, or give perfusion.affine"
+        remedy = (
+            f"the header does not say where the image lies; {EXPORT}, or give perfusion.affine or perfusion.transform"
+        )
         raise InputError(path, "position", None, remedy)
 
 

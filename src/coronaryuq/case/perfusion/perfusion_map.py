@@ -1,19 +1,18 @@
 """The map of myocardial blood flow: reading, extraction of the wall, checks, filling of invalid values, CGS."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.description.fields import Label, Perfusion
 from coronaryuq.case.perfusion.cells import voxels_as_hexahedra
 from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, read_image, register, wall_cells
+from coronaryuq.case.perfusion.transform_files import read_transform
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.vtk import read_vtk
-from coronaryuq.core.units import LENGTHS, MBF_PER_MIN_PER_G, perfusions
+from coronaryuq.core.units import LENGTHS, MBF_PER_MIN_PER_G, MM, perfusions
 
 if TYPE_CHECKING:
     import pyvista
@@ -25,13 +24,9 @@ PLAUSIBLE_EXTENT = (2.5, 20.0)
 """cm: longest side of the wall's bounding box, from a small animal's heart to a dilated human one."""
 PLAUSIBLE_VOLUME = (5.0, 800.0)
 """cm3: plausible volume of the wall."""
-DOUBTFUL, FARTHEST = 2.0, 5.0
-"""cm: median distance of LV-perfusing outlets to the wall above which map and anatomy may be, or are, misaligned."""
 FAINT, MOST_FAINT = 0.1, 0.3
 """Fraction of the highest flow below which tissue is not perfused, and largest fraction of the wall that it may be. A
 transmural scar has a third of the flow beside it; a larger part without flow is background."""
-MIRRORED_FROM = 1.0
-"""cm: median distance of outlets to the wall above which it is tried whether they are closer with x and y reversed."""
 MOST_INVALID = 0.2
 """Largest fraction of the wall whose invalid values are filled from their neighbours."""
 
@@ -83,41 +78,6 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
     return Wall(grid, (*notes, *filled))
 
 
-def distances_to_outlets(wall: Wall, outlets: Sequence[CaseOutlet]) -> np.ndarray:
-    """Return the distance (n,), cm, of each LV-perfusing outlet from the wall."""
-    return _distances(np.asarray(wall.mesh.points, dtype=float), outlets)
-
-
-def _distances(wall: np.ndarray, outlets: Sequence[CaseOutlet]) -> np.ndarray:
-    from scipy.spatial import cKDTree
-
-    points = [outlet.point for outlet in outlets if outlet.perfuses == "LV"]
-    return cKDTree(wall).query(np.array(points, dtype=float))[0]
-
-
-def check_place(file: str | Path, map_: Perfusion, wall: Wall, outlets: Sequence[CaseOutlet]) -> tuple[str, ...]:
-    """Return a note if the outlets lie far from the wall; raise InputError if the map is clearly misaligned."""
-    distance = float(np.median(distances_to_outlets(wall, outlets)))
-    finding = f"the wall lies {distance:.2g} cm (median) from the outlets that perfuse it"
-    if map_.affine is None and map_.registration is None and distance > MIRRORED_FROM:
-        turned = float(np.median(_distances(np.asarray(wall.mesh.points) * [-1, -1, 1], outlets)))
-        if turned < distance / 2:
-            remedy = (
-                f"{finding}; with x and y reversed it would be {turned:.2g} cm: one of map and anatomy is in RAS, the "
-                "other in LPS axes (images are read as LPS). Reverse x and y of one of them: for the map, "
-                "perfusion.affine with -1, -1, 1 (and its unit in cm) on the diagonal; if all is right, with 1, 1, 1"
-            )
-            raise InputError(file, "perfusion.file", map_.file, remedy)
-    if distance > FARTHEST:
-        alignment = "affine" if map_.affine is not None else "registration" if map_.registration is not None else None
-        remedy = f"check the {alignment}" if alignment else "align it with affine or registration"
-        raise InputError(
-            file, f"perfusion.{alignment or 'file'}", None if alignment else map_.file,
-            f"{finding}: map and anatomy are not aligned; {remedy}",
-        )  # fmt: skip
-    return (f"{finding}: check that map and anatomy are aligned",) if distance > DOUBTFUL else ()
-
-
 def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
     """Return the wall as a grid, the count of its invalid values, and notes.
 
@@ -126,7 +86,7 @@ def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
     """
     name = path.name.lower()
     if name.endswith(IMAGE_SUFFIXES):
-        placed_otherwise = map_.affine is not None or map_.registration is not None
+        placed_otherwise = map_.placed_by is not None
         image = read_image(path, placed_otherwise=placed_otherwise)
         if image.unit is not None and image.unit != map_.length_unit:
             remedy = f"the header of {map_.file} says {image.unit}; correct this, or the header"
@@ -272,6 +232,9 @@ def _to_anatomy(file, points: np.ndarray, map_: Perfusion, folder: Path) -> np.n
         fixed, moving = folder / map_.registration.fixed, folder / (map_.registration.moving or map_.file)
         matrix = register(file, fixed, moving)
         return (points @ matrix[:3, :3].T + matrix[:3, 3]) * scale
+    if map_.transform is not None:
+        inverse = np.linalg.inv(read_transform(file, map_.transform))
+        return (points * scale / MM) @ inverse[:3, :3].T * MM + inverse[:3, 3] * MM
     if map_.affine is not None:
         matrix = np.array(map_.affine, dtype=float)
         if not np.allclose(matrix[3], [0, 0, 0, 1]) or abs(np.linalg.det(matrix[:3, :3])) < 1e-12:
