@@ -68,12 +68,13 @@ CAPTIONS = {
         "Resistance of each outlet over its tuned value r̂: posterior (thick 50 %, thin 95 %) on the prior (grey).",
         "Ranges narrower than the prior: the data say something about the outlet.",
         "A range that ends where the prior ends.",
-        "Widen the prior (`posterior.prior`), or check the target of that outlet.",
+        "Check the target of that outlet, or widen the prior (`posterior.prior`; with `uncertainty: full`, "
+        "`errors.microvascular` in the case).",
     ),
     "flow_correlation": Caption(
         "Correlation of the outlet flows",
         "Below the diagonal: simulated flows over the posterior; above: noise of the targets.",
-        "Both halves alike where data dominate; negative values between neighbours come from the conserved total.",
+        "Both halves alike where data dominate; negative values between neighbours come from a total that is known better than its parts.",
         "Strong correlation below that is absent above.",
         "Two outlets are exchangeable for the data: judge their sum, not each.",
     ),
