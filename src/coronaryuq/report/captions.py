@@ -74,7 +74,7 @@ CAPTIONS = {
     "flow_correlation": Caption(
         "Correlation of the outlet flows",
         "Below the diagonal: simulated flows over the posterior; above: noise of the targets.",
-        "Both halves alike where data dominate; negative values between neighbours come from a total that is known better than its parts.",
+        "Both halves alike where data dominate; negative values between neighbours where their sum is known best.",
         "Strong correlation below that is absent above.",
         "Two outlets are exchangeable for the data: judge their sum, not each.",
     ),

@@ -37,3 +37,17 @@ def test_no_interval_of_an_area_begins_below_zero(row):
 def test_other_quantities_keep_their_intervals(row):
     other = replace(row, column_3d="something")
     assert within_range(other) == other
+
+
+def test_no_quantile_of_ffr_is_above_one():
+    """Few runs, and predictions with room above the largest of them."""
+    random = generator(2, "range")
+    theta, more = (np.exp(0.3 * random.normal(size=(n, 2))) for n in (24, 200))
+    y = np.minimum(1.0, 0.9 + 0.15 * random.normal(size=24))
+    runs = runs_of(theta, {"ffr_lad": y}, {"q": np.log(theta[:, 0])}, more)
+    (before,) = analyse(runs, [Row("ffr", "ffr_lad", "q", "")], Settings(autoencoder=False), 1)
+    quantiles = before.beyond_the_mean.quantiles
+    assert quantiles["0.975"].value > 1.0
+    after = within_range(before).beyond_the_mean.quantiles
+    assert all(value.value <= 1.0 and value.low <= value.value <= value.high <= 1.0 for value in after.values())
+    assert after["0.50"] == quantiles["0.50"]
