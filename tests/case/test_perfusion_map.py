@@ -249,6 +249,15 @@ def test_registration_finds_a_known_affine_to_a_fraction_of_a_voxel(images, tmp_
     assert off.max() < 1.0 and off.mean() < 0.5  # mm; voxels are 3 mm
 
 
+@pytest.mark.parametrize(("moving", "noted"), [("scan.nrrd", False), (None, True)])
+def test_a_map_that_is_registered_by_itself_is_noted(images, tmp_path, monkeypatch, moving, noted):
+    monkeypatch.setattr("coronaryuq.case.perfusion.perfusion_map.register", lambda *_: np.eye(4))
+    sitk.WriteImage(images[0], str(tmp_path / "map.nrrd"))
+    scans = {"fixed": "angiogram.nrrd", "moving": moving}
+    found = read(tmp_path, file="map.nrrd", length_unit="mm", threshold=0.5, registration=scans)
+    assert any("centimetres off; give `moving`" in note for note in found.notes) == noted
+
+
 def test_a_label_on_another_grid_is_refused(images, tmp_path):
     sitk.WriteImage(images[0], str(tmp_path / "map.nrrd"))
     sitk.WriteImage(images[1][:-2], str(tmp_path / "label.nrrd"))

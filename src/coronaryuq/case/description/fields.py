@@ -114,7 +114,11 @@ class Registration(_Model):
     """An affine map from the perfusion image to the anatomy, computed from two images."""
 
     fixed: str = Field(description="Image in the anatomy's space (CT angiography).")
-    moving: str | None = Field(None, description="Image in the map's space to register to it; default: the map itself.")
+    moving: str | None = Field(
+        None,
+        description="Image in the map's space to register to it, such as the scan from which the map was made; "
+        "default: the map itself, which is much less certain.",
+    )
 
 
 class Perfusion(_Model):
