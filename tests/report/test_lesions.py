@@ -67,8 +67,8 @@ def test_the_verdict_depends_on_the_whole_interval_of_what_lies_below_the_highes
 def test_the_conclusion_is_one_sentence_with_the_patients_range_and_the_probability(card):
     told = card(zones=zones(0.93, 0.92, 0.94), quantiles=quantiles(0.66, 0.714, 0.81))["sentence"]
     assert told == (
-        "The LAD stenosis very likely limits blood flow: FFR is 0.71, and 0.66 to 0.81 in 90 % of the states that fit "
-        "the data; the probability of 0.80 or less is 93 %."
+        "The LAD stenosis very likely limits blood flow: FFR is 0.71 (median), and 0.66 to 0.81 in 90 % of the states "
+        "that fit the data; the probability of 0.80 or less is 93 %."
     )
 
 
@@ -93,9 +93,14 @@ def test_only_inputs_whose_effect_differs_from_zero_are_named_as_drivers(card):
 def test_quantiles_that_rest_on_few_runs_carry_a_warning(card):
     few = rare(104, 0.05)
     both = {end: value(0.8, warning=few) for end in ("0.95", "0.05")}
-    told = "5 % and 95 % quantiles: each rests on about 5 of 104 runs; its coverage is untested below 10."
+    told = (
+        "The ends of this range are rough: of the 5 % and 95 % quantiles, each rests on about 5 of 104 runs; its "
+        "coverage is untested below 10. More 3D runs would settle them."
+    )
     assert card(quantiles=both | {"0.50": value(0.8)})["rare"] == told
-    assert card(quantiles={"0.05": value(0.7, warning=few)})["rare"].startswith("The 5 % quantile rests on about 5 of")
+    assert card(quantiles={"0.05": value(0.7, warning=few)})["rare"].startswith(
+        "One end of this range is rough: the 5 % quantile rests on about 5 of"
+    )
     assert card(quantiles={"0.50": value(0.8)})["rare"] == ""
 
 
@@ -124,27 +129,41 @@ def test_the_patient_has_the_median_and_the_90_percent_range_over_draws(card):
         (0.004, {"runs_3d": 0.1, "mesh": 0.9}, "Neither more simulations nor a finer mesh would: "),
     ],
 )
-def test_what_would_help_is_the_source_whose_error_reaches_the_limit(card, half_width, sources, words):
-    interval = Interval(0.85 - half_width, 0.85 + half_width, 0.95)
-    ffr = estimator(mean=0.85, calibrated=interval, variance=sources)
-    told = card({"ffr": ffr}, zones=zones(0.1, 0.08, 0.12), quantiles=quantiles(0.79, 0.85, 0.9))["change"]
-    assert told[0].startswith("If FFR were lower by 0.05 or more in every state") and "drawn too wide" in told[0]
-    assert told[-1].startswith(words)
-    below = card({"ffr": ffr}, zones=zones(0.9, 0.85, 0.95), quantiles=quantiles(0.6, 0.7, 0.82))["change"]
-    assert below[0].startswith("If FFR were higher by 0.10") and "too narrow" in below[0]
-    at = card({"ffr": ffr}, zones=zones(0.5, 0.4, 0.6), quantiles=quantiles(0.7, 0.802, 0.9))["change"]
-    assert at[0].startswith("The median lies at 0.80: ")
-    assert card({"ffr": ffr})["change"] == []
+def test_what_would_help_is_the_source_whose_error_reaches_the_next_verdict(card, half_width, sources, words):
+    interval = Interval(0.87 - half_width, 0.87 + half_width, 0.95)
+    ffr = estimator(mean=0.87, calibrated=interval, variance=sources)
+    told = card({"ffr": ffr}, zones=zones(0.02, 0.01, 0.03), quantiles=quantiles(0.81, 0.87, 0.9))
+    assert not told["open"] and told["change"][-1].startswith(words)
+
+
+def test_a_verdict_changes_where_a_tenth_of_the_states_lies_on_the_other_side(card):
+    high = card(zones=zones(0.02, 0.01, 0.03), quantiles=quantiles(0.81, 0.87, 0.9))["change"][0]
+    assert high == (
+        "If FFR were lower by about 0.03 in every state, for instance because the lumen was drawn too wide, it would "
+        "be open; by 0.07, the median would lie at 0.80."
+    ), "a tenth lies below 0.832, between 0.81 and 0.87 on normal scores"
+    low = card(zones=zones(0.98, 0.97, 0.99), quantiles=quantiles(0.6, 0.7, 0.78))["change"][0]
+    assert low.startswith("If FFR were higher by about 0.05") and "too narrow" in low
+    assert card()["change"] == []
+
+
+def test_an_open_verdict_is_settled_by_neither_a_small_shift_nor_a_small_numerical_error(card):
+    small = estimator(mean=0.8, calibrated=Interval(0.79, 0.81, 0.95), variance={"mesh": 1.0})
+    told = card({"ffr": small}, zones=zones(0.5, 0.45, 0.55), quantiles=quantiles(0.72, 0.8, 0.87))
+    assert told["open"] and told["change"][0].startswith("FFR higher by about 0.05 in every state")
+    assert told["change"][0].endswith("lower by about 0.04, flow-limiting.")
+    assert told["change"][-1].startswith("Neither more simulations nor a finer mesh would: ")
 
 
 def test_where_ffr_is_read_is_compared_with_what_experts_advise(card):
     assert card(reading=0.71)["reading"] == {
-        "words": "7 mm beyond the lesion by 3D, at its end by 0D",
+        "words": "7 mm beyond the lesion",
         "advised": False,
         "advice": "10 to 20 mm",
+        "by_0d": "The 0D model, which helps to estimate it, reads at its end.",
     }
     far = card(reading=1.5, stenosis=read_at(2.5))["reading"]
-    assert far["advised"] and far["words"] == "15 mm beyond the lesion"
+    assert far["advised"] and far["words"] == "15 mm beyond the lesion" and far["by_0d"] == ""
     near = card(reading=0.6, stenosis=read_at(1.6, "branch"))["reading"]
     assert near["words"] == "6 mm beyond the lesion, the last place before its vessel branches (15 mm were asked for)"
     assert card()["reading"]["words"] == ""

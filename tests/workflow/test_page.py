@@ -87,7 +87,7 @@ def test_the_first_screen_has_the_patients_quantiles_and_probabilities(page, res
         of_artery = [rows[f"ffr_{pair}_{artery.lower()}"] for pair in ("ffr", "flow")]
         row = min(of_artery, key=lambda one: one["estimators"][one["recommended"]]["std"])
         low, median, high = (row["beyond_the_mean"]["quantiles"][q]["value"] for q in ("0.05", "0.50", "0.95"))
-        sentence = f"FFR is {median:.2f}, and {low:.2f} to {high:.2f} in 90 % of the states"
+        sentence = f"FFR is {median:.2f} (median), and {low:.2f} to {high:.2f} in 90 % of the states"
         assert f"{artery} stenosis" in text and sentence in text
         below = 100 * (1 - row["beyond_the_mean"]["zones"][-1]["value"])
         told = float(re.search(rf"{re.escape(sentence)}.*?or less is ([\d.]+) %", text)[1])

@@ -7,15 +7,13 @@ import numpy as np
 
 from coronaryuq.case.anatomy.ffr_place import STOPS
 from coronaryuq.case.case_json import CaseStenosis
-from coronaryuq.estimation.results import NUMERICAL, STATISTICAL, EstimatorReport, Probability, RowReport, Value
+from coronaryuq.estimation.results import Probability, RowReport, Value
 from coronaryuq.figures.style import colour
-from coronaryuq.report.error_budget import WORDS, error_budget
-from coronaryuq.report.improve import improve_first, numerical_share
+from coronaryuq.report.change import verdict_of, what_would_change
+from coronaryuq.report.error_budget import error_budget
 from coronaryuq.report.mesh_error import MeshError
-from coronaryuq.report.quantities import FFR, FFR_DECIMALS, KINDS, Digits, constant
+from coronaryuq.report.quantities import FFR, KINDS, Digits, constant
 
-LIKELY = 0.9
-"""Probability, over its whole interval, above which the page states a verdict."""
 ADVISED_MM = (10, 20)
 """Distance beyond a lesion at which experts advise to read FFR from CT."""
 SHOWN = ("0.05", "0.25", "0.50", "0.75", "0.95")
@@ -54,7 +52,7 @@ def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
     beyond, digits = ffr_row.beyond_the_mean, Digits(ffr_row.column_3d, rows)
     zones, quantiles = beyond.zones or [], beyond.quantiles or {}
     patient, verdict = _patient(quantiles), _verdict(name, zones)
-    estimate = ffr_row.recommended_report
+    estimate, drivers = ffr_row.recommended_report, _drivers(beyond.shapley or {}, lesion.inputs)
     return {
         "name": name,
         "colour": colour(lesion.stenosis.artery),
@@ -65,11 +63,12 @@ def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
         **verdict,
         "sentence": _sentence(verdict["verdict"], patient, zones),
         "reading": _reading(lesion.stenosis, lesion.reading),
-        "change": _what_would_change(lesion, ffr_row, patient, zones),
+        "change": what_would_change(ffr_row, zones, next(iter(drivers), None)),
+        "open": verdict["class"] == "warn",
         "mean": quantity_cell(ffr_row, rows, lesion.mesh),
         "budget": error_budget(estimate) | {"std": digits.error(estimate.std)},
         "spread": digits(float(np.sqrt(ffr_row.variance_3d))),
-        "drivers": _drivers(beyond.shapley or {}, lesion.inputs),
+        "drivers": drivers,
         "quantities": _cells(rows, branch, lesion.mesh, extreme=False),
         "extremes": _cells(rows, branch, lesion.mesh, extreme=True),
     }
@@ -127,8 +126,9 @@ def _rare(quantiles: Mapping[str, Value]) -> str:
     warning = quantiles[warned[0]].warning
     alike = [f"{100 * float(end):.0f} %" for end in warned if quantiles[end].warning == warning]
     if len(alike) == 1:
-        return f"The {alike[0]} quantile {warning}."
-    return f"{', '.join(alike[:-1])} and {alike[-1]} quantiles: each {warning}."
+        return f"One end of this range is rough: the {alike[0]} quantile {warning}. More 3D runs would settle it."
+    ends = f"{', '.join(alike[:-1])} and {alike[-1]} quantiles"
+    return f"The ends of this range are rough: of the {ends}, each {warning}. More 3D runs would settle them."
 
 
 def _drivers(effects: Mapping[str, Value], inputs: Mapping[str, str], shown: int = 3) -> list[dict]:
@@ -153,10 +153,11 @@ def _verdict(name: str, zones: Sequence[Probability]) -> dict:
     below = zones[-1].complement if zones else None
     if below is None:
         return {"class": "muted", "verdict": f"FFR of the {name} stenosis", "badge": ""}
-    if below.low > LIKELY:
+    limits = verdict_of(below)
+    if limits:
         verdict = f"The {name} stenosis very likely limits blood flow"
         return {"class": "bad", "badge": "very likely flow-limiting", "verdict": verdict}
-    if below.high < 1 - LIKELY:
+    if limits is False:
         verdict = f"The {name} stenosis very likely does not limit blood flow"
         return {"class": "good", "badge": "very likely not flow-limiting", "verdict": verdict}
     return {"class": "warn", "badge": "open", "verdict": f"Whether the {name} stenosis limits blood flow remains open"}
@@ -165,9 +166,10 @@ def _verdict(name: str, zones: Sequence[Probability]) -> dict:
 def _sentence(verdict: str, patient: dict, zones: Sequence[Probability]) -> str:
     """Return the conclusion in one sentence of plain words."""
     if not patient:
-        return f"{verdict}: no distribution over the patient's possible states was estimated."
+        return f"{verdict}: no distribution over the states that fit the data was estimated."
     ffr = (
-        f"FFR is {patient['median']}, and {patient['low']} to {patient['high']} in 90 % of the states that fit the data"
+        f"FFR is {patient['median']} (median), and {patient['low']} to {patient['high']} in 90 % of the states that "
+        "fit the data"
     )
     chance = f"; the probability of {_limit(zones):.2f} or less is {_below(zones)}" if zones else ""
     return f"{verdict}: {ffr}{chance}."
@@ -178,57 +180,17 @@ def _below(zones: Sequence[Probability]) -> str:
 
 
 def _reading(stenosis: CaseStenosis, distance: float | None) -> dict:
-    """Return where FFR is read, by 3D and by 0D if elsewhere, and whether that is where experts advise to."""
+    """Return where the FFR of the card, of 3D, is read, whether experts advise to, and where 0D reads if elsewhere."""
     if distance is None:
-        return {"words": "", "advised": True}
+        return {"words": "", "advised": True, "by_0d": ""}
     mm, read = round(10 * distance), stenosis.read
     in_0d = 0.0 if read is None or stenosis.end is None else 10 * (read.arc - stenosis.end)
     words = f"{mm} mm beyond the lesion"
-    if abs(10 * distance - in_0d) >= 1:
-        words += f" by 3D, {f'{in_0d:.0f} mm beyond it' if in_0d >= 0.5 else 'at its end'} by 0D"
     if read is not None and read.stop is not None:
         words += f", {STOPS[read.stop]} ({10 * read.asked:g} mm were asked for)"
+    by_0d = ""
+    if abs(10 * distance - in_0d) >= 1:
+        place = f"{in_0d:.0f} mm beyond it" if in_0d >= 0.5 else "at its end"
+        by_0d = f"The 0D model, which helps to estimate it, reads {place}."
     advised = ADVISED_MM[0] <= mm <= ADVISED_MM[1]
-    return {"words": words, "advised": advised, "advice": "{} to {} mm".format(*ADVISED_MM)}
-
-
-def _what_would_change(lesion: Lesion, row: RowReport, patient: dict, zones: Sequence[Probability]) -> list[str]:
-    """Return what could move the conclusion, the most important first."""
-    limit = _limit(zones)
-    if not patient or limit is None:
-        return []
-    estimate = row.recommended_report
-    distance = patient["middle"] - limit
-    side, drawn = ("lower", "wide") if distance > 0 else ("higher", "narrow")
-    lines = [
-        f"If FFR were {side} by {abs(distance):.2f} or more in every state, for instance because the lumen was drawn "
-        f"too {drawn}, the median would cross {limit:.2f}."
-        if abs(distance) >= 0.005
-        else f"The median lies at {limit:.2f}: any error of the lumen or of the model moves it across."
-    ]
-    beyond = row.beyond_the_mean
-    if improve := improve_first(beyond.by_source or {}, numerical_share(estimate, row.variance_3d)):
-        lines.append(improve)
-    else:
-        for driver in _drivers(beyond.shapley or {}, lesion.inputs, shown=1):
-            lines.append(f"Knowing {driver['name']} would narrow the range most: {driver['share']} of its variance.")
-    return [*lines, _numerics(estimate, abs(distance))]
-
-
-def _numerics(estimate: EstimatorReport, distance: float) -> str:
-    """Return whether more runs, or a finer mesh, could move the mean across the limit at some distance."""
-    reach = estimate.calibrated.half_width
-    numerical = sum(estimate.variance.get(name, 0.0) for name in NUMERICAL)
-    statistical = sum(estimate.variance.get(name, 0.0) for name in STATISTICAL)
-    better = "A finer mesh and shorter time steps" if numerical > statistical else "More simulations"
-    if reach < distance:
-        better = "Neither more simulations nor a finer mesh" if numerical else "More simulations"
-        words = f"{better} {'would' if numerical else 'would not'}: the numerical error of the mean is "
-    else:
-        words = f"{better} could: the numerical error of the mean, mostly of {_mostly(estimate)}, is "
-    missing = error_budget(estimate)["missing"]
-    return f"{words}± {reach:.{FFR_DECIMALS}f}{f' ({missing})' if missing else ''}."
-
-
-def _mostly(estimate: EstimatorReport) -> str:
-    return WORDS[max(estimate.variance, key=lambda name: estimate.variance[name])]
+    return {"words": words, "advised": advised, "advice": "{} to {} mm".format(*ADVISED_MM), "by_0d": by_0d}

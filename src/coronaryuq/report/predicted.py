@@ -20,14 +20,14 @@ def read_predicted(path: str | Path) -> pd.DataFrame:
 
 
 def lowest(predicted: pd.DataFrame, readings: Readings) -> dict:
-    """Return the lowest of the arteries' lowest FFR, its 90 % range, and where it is; empty without one."""
+    """Return the lowest of the arteries' lowest FFR, its 90 % range, where it is and of which artery; or nothing."""
     arteries = predicted[predicted["quantity"] == LOWEST]
     if arteries.empty:
         return {}
     row = arteries.loc[arteries["median"].idxmin()]
     values = {name: _ffr(row[column]) for name, column in (("ffr", "median"), ("ffr_low", "low"), ("ffr_high", "high"))}
     where = _place(readings.tree, readings.names, row["vessel"], row["arc"])
-    return {"where": where, "below": bool(row["median"] <= FFR_LIMIT), **values}
+    return {"where": where, "artery": str(row["artery"]), "below": bool(row["median"] <= FFR_LIMIT), **values}
 
 
 def lines(predicted: pd.DataFrame, readings: Readings) -> list[dict]:
