@@ -37,6 +37,7 @@ def test_the_view_shows_the_lumens_own_width_and_distances(bent):
     plane = Plane(point=(0, 0, 0), normal=(1, 0, 0), radius=0.2, vessel="bend", arc=2.4, distance_from_throat=read)
     view = straightened(inside, tree, stenosis, {"LAD": plane})
     throat = vessel.arc[np.argmin(vessel.radii)]
+    assert view.lesion == pytest.approx((1.2 - throat, 1.9 - throat))
     assert view.read == read and view.along[0] < -1.0 and view.along[-1] > read
     width = np.isfinite(view.values["mmHg"]).sum(axis=0) * FINE
     within = (view.along > -1.2) & (view.along < 1.2)

@@ -2,9 +2,11 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
+from coronaryuq.report import discrepancy
 from coronaryuq.report.discrepancy import title, write_page
 
 LOSS = {"effect": "loss", "place": "lad", "probability": 0.4}
@@ -54,3 +56,11 @@ def test_sizes_of_a_table_model_have_their_intervals(cells):
 )
 def test_invented_effects_are_not_headed_as_missing_ones(invented, heading):
     assert title([{"invented": one} for one in invented]) == heading
+
+
+@pytest.mark.parametrize(
+    "template", sorted(Path(discrepancy.__file__).parent.glob("*.html")), ids=lambda path: path.name
+)
+def test_every_table_scrolls_in_itself_on_a_narrow_screen(template):
+    text = template.read_text()
+    assert len(re.findall(r"<table\b", text)) == len(re.findall(r'<div class="wide"><table\b', text))

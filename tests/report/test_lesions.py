@@ -160,7 +160,7 @@ def test_where_ffr_is_read_is_compared_with_what_experts_advise(card):
         "words": "7 mm beyond the lesion",
         "advised": False,
         "advice": "10 to 20 mm",
-        "by_0d": "The 0D model, which helps to estimate it, reads at its end.",
+        "by_0d": "The 0D model, which helps to estimate it, reads at the lesion's end.",
     }
     far = card(reading=1.5, stenosis=read_at(2.5))["reading"]
     assert far["advised"] and far["words"] == "15 mm beyond the lesion" and far["by_0d"] == ""

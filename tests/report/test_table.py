@@ -23,3 +23,11 @@ def test_every_number_of_a_line_has_the_tables_own_value():
     assert cells["mean"] == {"key": "mean", "text": "0.846", "raw": 0.84567}
     assert cells["std"]["text"] == "0.0123" and cells["rho_held_out"]["text"] == "–"
     assert line["recommended"] and line["name"] == "MC"
+
+
+def test_the_figure_marks_the_lines_that_carry_a_number_of_a_warning():
+    both = {"MC": estimator(), "MFMC": estimator(warnings=["no gain: of MFMC"])}
+    one = row(estimators=both, recommended="MFMC", warnings=["one run dominates: pilot_1"])
+    lines = {line["name"]: line for line in table_lines(one, [one], "", Notes({}))}
+    assert lines["MC"]["notes"] == [] and one.warnings_of("MC") == []
+    assert lines["MFMC"]["notes"] == [1, 2] and len(one.warnings_of("MFMC")) == 2

@@ -6,12 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from coronaryuq.case.anatomy.tree import write_tree
+from coronaryuq.case.anatomy.tree import Stenosis, write_tree
 from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.io.vtk import write_vtk
 from coronaryuq.figures.scenes import is_wall, limit_edges, territories
+from coronaryuq.flow3d.mesh.description import Plane
 from coronaryuq.report import tree
 from support.case_files import small_tree
 
@@ -52,6 +53,18 @@ def test_a_wire_is_read_from_the_ostium_on(readings):
     distance = [point[0] for point in lad["points"]]
     assert distance[0] == 0.0 and distance[-1] == pytest.approx(length, abs=2e-3) and distance == sorted(distance)
     assert lad["points"][-1][1:] == [0.65, 0.7, 0.75, 30.0, 60.0, 90.0]
+
+
+def test_the_wire_passes_its_lesions_and_the_places_where_ffr_is_read(readings):
+    begin = readings.tree["branch1"].length - readings.tree.emergence("branch1")
+    lesion = Stenosis("LAD", "lca1", 0.4, 0.9)
+    plane = Plane(point=(0, 0, 0), normal=(1, 0, 0), radius=0.1, vessel="lca1", arc=1.2, distance_from_throat=0.5)
+    found = {one["name"]: one["marks"] for one in tree.pullbacks(readings, OUTLETS, [lesion], {"LAD": plane})}
+    assert found["LCx"] == found["PDA"] == []
+    (mark,) = found["LAD"]
+    assert [mark[key] - begin for key in ("start", "end", "read")] == pytest.approx([0.4, 0.9, 1.2], abs=2e-3)
+    (without,) = tree.pullbacks(readings, OUTLETS[:1], [lesion])[0]["marks"]
+    assert "read" not in without
 
 
 def test_the_edge_lies_where_ffr_crosses_the_limit():

@@ -169,6 +169,11 @@ class RowReport:
         """The recommended estimator."""
         return self.estimators[self.recommended]
 
+    def warnings_of(self, name: str) -> list[str]:
+        """Return the warnings that concern an estimator: its own, and those of the runs unless it is a plain mean."""
+        of_runs = self.warnings if name == self.recommended or name != "MC" else []
+        return [*of_runs, *self.estimators[name].warnings]
+
 
 @dataclass(frozen=True)
 class LevelWorth:

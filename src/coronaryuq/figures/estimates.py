@@ -99,7 +99,7 @@ def _draw_row(axis, row: RowReport) -> None:
             ends = [interval.low * scale, interval.high * scale]
             axis.plot(ends, [y, y], lw=width, color=ink, alpha=0.85, solid_capstyle="butt")
         axis.plot(value.mean * scale, y, "o", color="white", mec=ink, ms=5, zorder=5)
-        if value.warnings:
+        if row.warnings_of(name):
             at = (value.mean * scale, y)
             axis.annotate("!", at, xytext=(0, 5), textcoords="offset points", ha="center", color=WARNING)
     if quantity == "FFR":

@@ -29,13 +29,14 @@ STRETCH = 2.0
 class Straightened:
     """A lumen along its artery.
 
-    along: (n,) cm from the throat. across: (m,) cm. values: name → (m, n), nan outside the lumen. read: where FFR is
-    read, cm from the throat, None if not in this view.
+    along: (n,) cm from the throat. across: (m,) cm. values: name → (m, n), nan outside the lumen. lesion: start and
+    end of the stenosis, cm from the throat. read: where FFR is read, cm from the throat, None if not in this view.
     """
 
     along: np.ndarray
     across: np.ndarray
     values: dict[str, np.ndarray]
+    lesion: tuple[float, float]
     read: float | None
 
 
@@ -72,10 +73,12 @@ def _mark(axis, view: Straightened, name: str) -> None:
     axis.set_title(name, loc="left", color=colour(name))
     top = view.across[-1]
     axis.plot(0.0, top, "v", color="black", ms=5, clip_on=False)
+    axis.plot(view.lesion, [-top, -top], color="black", lw=2.5, solid_capstyle="butt", clip_on=False)
     if view.read is not None:
         axis.axvline(view.read, color="black", lw=1.0, ls=(0, (3, 2)))
         axis.annotate("FFR", (view.read, top), (0, 2), textcoords="offset points", ha="center", fontsize=7)
     axis.set_yticks([-0.2, 0.2] if top > 0.2 else [])
+    axis.set_ylabel("across (cm)", fontsize=7)
     axis.tick_params(labelsize=7)
     for side in ("left", "bottom"):
         axis.spines[side].set_visible(False)
@@ -112,7 +115,8 @@ def straightened(inside: pv.DataSet, tree: Tree, stenosis: Stenosis, planes: Map
     values = {name: np.where(outside, np.nan, found[name]).reshape(len(across), len(arc)) for name in ("speed", "mmHg")}
     seen = np.isfinite(values["mmHg"]).any(axis=0)
     values = {name: value[:, seen] for name, value in values.items()}
-    return Straightened((arc - before - place)[seen], across, values, read)
+    lesion = (stenosis.start - place, stenosis.end - place)
+    return Straightened((arc - before - place)[seen], across, values, lesion, read)
 
 
 def _course(tree: Tree, stenosis: Stenosis, plane: Plane | None) -> tuple[Vessel, float]:

@@ -25,8 +25,8 @@ CAPTIONS = {
     "lumen": Caption(
         "Flow through the lesions",
         "Mean speed and pressure over a cycle of the first 3D sample, the lumen straightened along its artery (scale "
-        "across doubled); blood flows from left to right, all panels share their scales. Triangle: throat; dashed: "
-        "where FFR is read.",
+        "across doubled); blood flows from left to right; the colours of a column are shared. Triangle: throat; bar: "
+        "from the start to the end of the lesion; dashed: where FFR is read.",
         "A smooth jet that widens within some diameters.",
         "Speckles, or a jet one element wide.",
         "Refine the mesh (`mesh.jet_resolution`).",
@@ -41,8 +41,8 @@ CAPTIONS = {
     ),
     "territories": Caption(
         "Perfusion map and territories",
-        "Myocardial blood flow, and the territory assigned to each outlet; without a map, the outlets whose flows were "
-        "measured.",
+        "Myocardial blood flow, and the territory assigned to each outlet. A case without a perfusion map shows the "
+        "outlets whose flows were measured instead.",
         "Territories follow the arteries over the wall.",
         "A territory far from its artery, or a region of low flow cut by a border.",
         "Check registration of tree and perfusion map, then the outlets' names.",
@@ -90,7 +90,7 @@ CAPTIONS = {
         "FFR by estimator",
         "Mean of FFR by every estimator that the runs allow: thick calibrated 95 %, thin Chebyshev 95 %. Dashed: 0.80.",
         "Intervals overlap.",
-        "Two estimators that exclude each other, or an exclamation mark, a warning in the table.",
+        "Two estimators that exclude each other, or an exclamation mark: a number in brackets in the table.",
         "Read the warning; more 3D runs settle most of them.",
     ),
     "intervals_wss": Caption(
@@ -111,14 +111,16 @@ CAPTIONS = {
     ),
     "convergence": Caption(
         "Convergence with 3D runs",
-        "Correlation of the control variates and mean of FFR from random subsamples, a dot each. Dashed: 0.80.",
+        "Correlation of the control variates, and Monte Carlo mean of FFR, from random subsamples, a dot each. The "
+        "means are plain averages of runs, without the corrections that the table includes. Dashed: 0.80.",
         "Scatter that shrinks, means that do not drift.",
         "Means that drift with the number of runs.",
         "Add 3D runs (`samples.n_3d`).",
     ),
     "budget": Caption(
         "Variance against budget",
-        "Left: variance of the mean of FFR that a budget would reach; right: cost of a smaller variance.",
+        "Above: variance of the mean of FFR that a budget would reach, in the cost of 3D runs; below: the cost of a "
+        "smaller variance than now, which falls to the right.",
         "The curve of the recommended estimator lies lowest.",
         "All curves flat: the propagation sample or the chains limit the error.",
         "Make these longer before adding 3D runs.",

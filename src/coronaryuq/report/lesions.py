@@ -190,7 +190,7 @@ def _reading(stenosis: CaseStenosis, distance: float | None) -> dict:
         words += f", {STOPS[read.stop]} ({10 * read.asked:g} mm were asked for)"
     by_0d = ""
     if abs(10 * distance - in_0d) >= 1:
-        place = f"{in_0d:.0f} mm beyond it" if in_0d >= 0.5 else "at its end"
+        place = f"{in_0d:.0f} mm beyond it" if in_0d >= 0.5 else "at the lesion's end"
         by_0d = f"The 0D model, which helps to estimate it, reads {place}."
     advised = ADVISED_MM[0] <= mm <= ADVISED_MM[1]
     return {"words": words, "advised": advised, "advice": "{} to {} mm".format(*ADVISED_MM), "by_0d": by_0d}

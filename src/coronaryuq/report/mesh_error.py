@@ -12,7 +12,7 @@ from coronaryuq.flow3d.numerical_error import NumericalError
 EXTREMES = {"tawss_min_": "min TAWSS (dyn/cm²)", "osi_max_": "max OSI"}
 """Quantities that have settled on no mesh tried, by the beginning of their 3D columns."""
 WORDS = {"mesh": "mesh", "time_step": "time step", "cycles": "cycles"}
-COMPARE = "they are valid only for comparing draws on the same mesh."
+COMPARE = "they are valid only for comparing states on the same mesh."
 SLOW = f"Extremes of wall shear and OSI converge slowly: {COMPARE}"
 NORMAL_95 = 1.96
 
@@ -70,9 +70,9 @@ class MeshError:
         samples = min(error.n_samples for errors in self.errors.values() for error in errors)
         sizes = ", ".join(str(nodes) for nodes in self.study["nodes"]) if self.study else ""
         return (
-            f"Numerical errors of the mean come from {samples} or more of the samples (meshes of {sizes} nodes): ± is "
-            "half of a 95 % interval, which the intervals of the estimates include; a signed number before it is a "
-            "correction to an order of convergence that was seen, which the means include. "
+            f"Numerical errors of the mean were measured on {samples} or more of the samples, on meshes of {sizes} "
+            "nodes: ± is half of a 95 % interval, which the intervals of the estimates include. A signed number before "
+            "it is a correction, which the means include: the meshes showed an order of convergence. "
         )
 
     def _reliability(self) -> str:

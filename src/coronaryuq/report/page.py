@@ -69,7 +69,7 @@ def write_report(
     readings = tree.Readings.read(case, files["tree"], files["pressures"])
     asked = predicted.read_predicted(files["predicted"])
     lowest = predicted.lowest(asked, readings)
-    counts = _counts(failures, rows, estimates.settings["curve_nodes"])
+    counts = _counts(failures, rows, estimates.settings["curve_nodes"], summary.model_runs)
     inputs = _input_names(case) | adoption.labels(files)
     lesions = [Lesion(stenosis, inputs, mesh, _beyond(stenosis, mesh_json)) for stenosis in case.stenoses]
     context = {
@@ -144,7 +144,7 @@ def _beyond(stenosis, mesh: MeshDescription) -> float | None:
     return plane.distance_from_throat - (stenosis.end - region.throat)
 
 
-def _counts(failures: dict, rows: list[RowReport], curve_nodes: int) -> dict:
+def _counts(failures: dict, rows: list[RowReport], curve_nodes: int, posterior_runs: int) -> dict:
     flow3d, zerod = failures["flow3d"], failures["zerod"]
     trained = [row.estimators["MFMC-AE"] for row in rows if "MFMC-AE" in row.estimators]
     resampled = sum(estimate.n_0d - estimate.n_3d for estimate in trained) + curve_nodes * len(trained)
@@ -154,7 +154,8 @@ def _counts(failures: dict, rows: list[RowReport], curve_nodes: int) -> dict:
     return {
         "n_3d": flow3d["runs"],
         "n_3d_ok": flow3d["runs"] - len(flow3d["failed"]),
-        "n_0d": zerod["runs"] + resampled,
+        "n_0d": f"{zerod['runs'] + resampled:,}",
+        "n_posterior": f"{posterior_runs:,}",
         "n_0d_parts": f"{zerod['runs'] - propagation:,} at the inputs of 3D runs, {propagation:,} for propagation"
         + (f", {resampled:,} for MFMC-AE" if resampled else ""),
         "note": f"Average cost: {per_3d:.1f} CPU-s for a 3D run and {per_0d:.4f} CPU-s for a 0D run, "
@@ -172,10 +173,11 @@ def _fit(fit, summary: Summary) -> dict:
         "calibration": f"The tuned loop reproduces the {len(clinical)} measured targets to within "
         f"{100 * off.max():.1f} % (largest difference: {worst}).",
         "predictive": f"{100 * check.coverage_95:.0f} % of the target flows lie in the central 95 % of the posterior "
-        f"predictive distribution; the Mahalanobis distance of the mean flows is {check.mahalanobis:.2f} (p = "
-        f"{check.p_value:.2f}). The fitted resistances reproduce the "
-        f"{len(check.flow_mean)} target fractions to within {100 * met:.2g} %; the posterior mean, which the prior "
-        f"shifts, to within {100 * check.largest_fraction_error:.2g} % (posterior/fractions.csv).",
+        f"predictive distribution; their mean squared Mahalanobis distance is {check.mean_squared_mahalanobis:.1f}, "
+        f"of {len(check.flow_mean)} expected (p = {check.p_value:.2f}), that of the mean flows "
+        f"{check.mahalanobis:.2f}. The fitted resistances reproduce the {len(check.flow_mean)} target "
+        f"fractions to within {100 * met:.2g} %; the posterior mean, which the prior shifts, "
+        f"to within {100 * check.largest_fraction_error:.2g} % (posterior/fractions.csv).",
     }
 
 
@@ -187,7 +189,7 @@ def _chains(summary: Summary, settings: Mapping) -> dict:
         "verdict": f"{verdict}: R-hat {summary.rhat_max:.3f}, limit {rhat:g}; smallest bulk effective sample size "
         f"{summary.ess_bulk_min:.0f}, limit {ess:.0f}",
         "class": "good" if summary.converged else "bad",
-        "cost": f"{summary.chains} chains, {summary.model_runs} 0D runs, {summary.effective_per_run:.2f} effective "
+        "cost": f"{summary.chains} chains, {summary.model_runs:,} 0D runs, {summary.effective_per_run:.2f} effective "
         f"samples per run. {_steps(summary)}",
     }
 

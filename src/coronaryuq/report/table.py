@@ -55,7 +55,6 @@ def table_lines(row: RowReport, rows: Sequence[RowReport], mesh: str, notes: Not
         if name not in row.estimators:
             continue
         value, plain = row.estimators[name], name == "MC"
-        of_row = row.warnings if name == row.recommended or not plain else []
         label = f"{digits.kind.name} {branch}".strip()
         lines.append(
             {
@@ -69,7 +68,7 @@ def table_lines(row: RowReport, rows: Sequence[RowReport], mesh: str, notes: Not
                 "method": value.method,
                 "mesh": mesh,
                 "cells": _cells(row, value, digits, plain),
-                "notes": notes.numbers([*of_row, *value.warnings], label),
+                "notes": notes.numbers(row.warnings_of(name), label),
             }
         )
     return lines

@@ -50,24 +50,52 @@ class Readings:
         return {name: np.interp(arc / vessel.length, of_vessel["position"], of_vessel[name]) for name in READINGS}
 
 
-def pullbacks(readings: Readings, outlets: Sequence[CaseOutlet]) -> list[dict]:
-    """Return for each outlet the readings from the ostium to the end: distances in cm, flows in mL/min."""
+def pullbacks(
+    readings: Readings,
+    outlets: Sequence[CaseOutlet],
+    stenoses: Sequence[Stenosis] = (),
+    planes: Mapping[str, Plane] | None = None,
+) -> list[dict]:
+    """Return for each outlet the readings from the ostium to the end: distances in cm, flows in mL/min.
+
+    `marks` are the lesions on the way: `name`, `start` and `end`, and `read`, where FFR is read if on the way, too.
+    """
     result = []
     for outlet in outlets:
         if outlet.vessel not in readings.tree:
             continue
-        start, points = 0.0, []
+        start, points, from_ostium = 0.0, [], {}
         for vessel in readings.tree.path(outlet.vessel):
             if vessel.branch == AORTA:
                 continue
             begin = readings.tree.emergence(vessel.name)
+            from_ostium[vessel.name] = start - begin
             arc = np.unique(np.concatenate([[begin], vessel.arc[vessel.arc > begin]]))
             values = readings.along(vessel, arc)
             if values:
                 points += [_reading(start + a - begin, k, values) for k, a in enumerate(arc)]
             start += vessel.length - begin
-        result.append({"name": outlet.label, "branch": outlet.branch, "vessel": outlet.vessel, "points": points})
+        result.append(
+            {
+                "name": outlet.label,
+                "branch": outlet.branch,
+                "vessel": outlet.vessel,
+                "points": points,
+                "marks": [
+                    _mark(s, (planes or {}).get(s.name), from_ostium) for s in stenoses if s.vessel in from_ostium
+                ],
+            }
+        )
     return result
+
+
+def _mark(stenosis: Stenosis, plane: Plane | None, from_ostium: Mapping[str, float]) -> dict:
+    """Return a lesion on a way along vessels, with the distance (cm) from the ostium to the start of each."""
+    begin = from_ostium[stenosis.vessel]
+    mark = {"name": stenosis.name, "start": round(begin + stenosis.start, 3), "end": round(begin + stenosis.end, 3)}
+    if plane and plane.vessel in from_ostium:
+        mark["read"] = round(from_ostium[plane.vessel] + plane.arc, 3)
+    return mark
 
 
 def _reading(distance: float, k: int, values: Mapping[str, np.ndarray]) -> list[float]:
@@ -89,11 +117,12 @@ def scene(readings: Readings, case: CaseSummary, planes: Mapping[str, Plane], lv
     lv
         Wall of the left ventricle, VTU, whose territories can be shown; None without one.
     """
+    placed = placed_stenoses(case.stenoses)
     vessels = [_drawn(readings, vessel) for vessel in readings.tree]
     content = {
         "vessels": [vessel for vessel in vessels if vessel],
-        "lesions": [_lesion(readings.tree, s, planes.get(s.name)) for s in placed_stenoses(case.stenoses)],
-        "pullbacks": pullbacks(readings, case.outlets),
+        "lesions": [_lesion(readings.tree, s, planes.get(s.name)) for s in placed],
+        "pullbacks": pullbacks(readings, case.outlets, placed, planes),
         "range": list(FFR_RANGE), "limit": FFR_LIMIT, "colours": ffr_colours(64),
         "territories": _territories(read_vtk(lv), case.lv_outlets) if lv else None,
     }  # fmt: skip

@@ -7,6 +7,7 @@
   const svg = (tag, attributes, text) => { const node = document.createElementNS("http:" + "//www.w3.org/2000/svg", tag); for (const name in attributes) node.setAttribute(name, attributes[name]); if (text !== undefined) node.textContent = text; return node; };
   const rgb = hex => [1, 3, 5].map(k => parseInt(hex.slice(k, k + 2), 16) / 255);
   const two = x => x.toFixed(2);
+  const RING = "#e0218a"; // unlike every colour of FFR, and unlike the dark edge
 
   // ---- vectors
   const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]], add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
@@ -47,10 +48,15 @@
     }
     for (let x = 0; x <= end; x += end > 12 ? 4 : 2) picture.append(svg("line", { class: "axis", x1: X(x), x2: X(x), y1: H - bottom, y2: H - bottom + 4 }), svg("text", { x: X(x), y: H - bottom + 17, "text-anchor": "middle" }, x));
     picture.append(svg("line", { class: "axis", x1: left, x2: W - right, y1: H - bottom, y2: H - bottom }), svg("line", { class: "axis", x1: left, x2: left, y1: top, y2: H - bottom }));
-    picture.append(svg("text", { x: (left + W) / 2, y: H - 8, "text-anchor": "middle" }, "distance from the ostium (cm)"));
+    picture.append(svg("text", { x: (left + W) / 2, y: H - 8, "text-anchor": "middle" }, `distance from the ostium towards the end of ${pullback.name} (cm)`));
     picture.append(svg("text", { transform: `translate(13 ${(H - bottom) / 2}) rotate(-90)`, "text-anchor": "middle" }, flow ? "mean flow (mL/min)" : "FFR"));
+    pullback.marks.forEach(mark => picture.append(svg("rect", { class: "lesion", x: X(mark.start), width: X(mark.end) - X(mark.start), y: H - bottom - 7, height: 7 }), svg("text", { x: X((mark.start + mark.end) / 2), y: H - bottom - 11, "text-anchor": "middle" }, mark.name)));
     picture.append(svg("polygon", { class: "band", points: [...path(first), ...path(first + 2).reverse()].join(" ") }), svg("polyline", { class: "median", points: path(first + 1).join(" ") }));
     if (!flow) picture.append(svg("line", { class: "limit", x1: left, x2: W - right, y1: Y(data.limit), y2: Y(data.limit) }));
+    pullback.marks.filter(mark => mark.read !== undefined).forEach(mark => { // on the median, between its points
+      const k = Math.max(1, points.findIndex(p => p[0] >= mark.read)), [a, b] = [points[k - 1], points[k]], part = (mark.read - a[0]) / (b[0] - a[0] || 1);
+      picture.append(svg("circle", { class: "ring", r: 6, cx: X(mark.read), cy: Y(a[first + 1] + part * (b[first + 1] - a[first + 1])) }));
+    });
     const cursor = svg("line", { class: "cursor", y1: top, y2: H - bottom, visibility: "hidden" }), told = svg("text", { x: W - right, y: top + 10, "text-anchor": "end" });
     picture.append(cursor, told);
     picture.addEventListener("pointermove", event => {
@@ -103,7 +109,7 @@
   const ring = (point, normal, radius) => {
     const n = unit(normal), a = unit(cross(n, Math.abs(n[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0])), b = cross(n, a);
     const line = Array.from({ length: 33 }, (_, k) => add(add(point, a, radius * Math.cos(k * Math.PI / 16)), b, radius * Math.sin(k * Math.PI / 16)));
-    return tube(line, line.map(() => 0.045), null, matchMedia("screen and (prefers-color-scheme: dark)").matches ? [1, 1, 1] : [0.08, 0.08, 0.08]);
+    return tube(line, line.map(() => 0.045), null, rgb(RING));
   };
   const solid = coronary.flatMap(vessel => {
     // An ostial artery starts on the aorta's centreline; what lies inside the aorta is not drawn.
@@ -155,6 +161,9 @@
   let turn = home.map(row => [...row]), zoom = START;
   const box = make("div", { className: "stage" }, canvas);
   const tip = make("div", { className: "tip", hidden: true });
+  const leaders = svg("svg", { class: "leaders", "aria-hidden": "true" });
+  box.append(leaders);
+  const lines = data.lesions.map(() => { const line = svg("line", {}); leaders.append(line); return line; });
   const tags = data.lesions.map(lesion => { const tag = make("div", { className: "tag", textContent: lesion.name }); box.append(tag); return tag; });
   const tools = make("div", { className: "tools" });
   const front = make("button", { type: "button", textContent: "Front" });
@@ -207,6 +216,9 @@
       const x = q.x + 34 * away;
       tags[k].style.left = `${100 * Math.min(Math.max(x, 24), w - 24) / w}%`;
       tags[k].style.top = `${100 * (q.y - 16) / h}%`;
+      const ends = { x1: `${100 * q.x / w}%`, y1: `${100 * q.y / h}%`, x2: tags[k].style.left, y2: tags[k].style.top };
+      for (const name in ends) lines[k].setAttribute(name, ends[name]);
+      lines[k].setAttribute("visibility", x < 0 || x > w || q.y < 16 || q.y > h ? "hidden" : "visible");
       tags[k].hidden = x < 0 || x > w || q.y < 16 || q.y > h;
     });
   };

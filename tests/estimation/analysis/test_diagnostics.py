@@ -87,6 +87,13 @@ def test_a_long_tail_carries_a_warning_and_a_normal_sample_none():
     assert diagnostics.skewed(estimate(np.exp(1.2 * random.normal(size=50)))).code == "long tail"
 
 
+def test_no_interval_is_said_to_lose_more_than_all_of_its_coverage():
+    one = np.zeros(50)
+    one[7] = 1.0
+    extreme = replace(estimate(one + 1e-3 * np.arange(50.0)), skewness=17.0)
+    assert "lose a large, unknown part of its coverage" in diagnostics.skewed(extreme).text
+
+
 def test_a_quantity_that_hardly_varies_carries_a_warning():
     y = np.full(60, 0.9)
     y[3] = 0.7
