@@ -75,6 +75,13 @@ def test_every_form_of_the_table_gives_its_flows(small_tree, tmp_path, text, how
         (table("lca1", "lca2", "BC_lca1", flow=FLOW), "unit: mL/s", "name = 'BC_lca1': duplicate"),
         (table("lca1", "lca2", "x", flow=FLOW), "unit: mL/s", "name = 'x': not an outlet that perfuses the LV"),
         ("name,flow\nlca1,2\nlca2,1\n", "unit: mL/s", "name = 'rca1': missing; every outlet that perfuses the LV"),
+        (
+            "name,flow\nlca1,2\nlca2,1\nrca1,1\nx,1\ny,1\n",
+            "unit: mL/s",
+            "name = 'x, y': not outlets that perfuse the LV by the outlets table; delete their rows",
+        ),
+        ("name,flow\nlca1,2\nlcx,1\nrca1,1\n", "unit: mL/s", "or correct the name; without a row: lca2"),
+        ("name,flow\nlca1,2\n", "unit: mL/s", "name = 'lca2, rca1': missing; every outlet that perfuses the LV"),
         (table(flow=FLOW), "unit: litre", "territory_flows.unit = 'litre': input should be"),
     ],
 )

@@ -174,18 +174,21 @@ def read_territory_flows(
 
 def _outlet_names(path: Path, frame, lv: dict[str, str]) -> list[str]:
     """Return the outlet of every row, all of `lv` exactly once."""
-    by_bc = {bc: name for name, bc in lv.items()}
-    names = []
-    for cell in (str(cell).strip() for cell in frame["name"]):
-        name = cell if cell in lv else by_bc.get(cell)
-        if name is None:
-            raise InputError(path, "name", cell, f"not an outlet that perfuses the LV; those are {', '.join(lv)}")
-        if name in names:
-            raise InputError(path, "name", cell, "duplicate")
-        names.append(name)
-    for name in lv:
-        if name not in names:
-            raise InputError(path, "name", name, "missing; every outlet that perfuses the LV needs a row")
+    own = {bc: name for name, bc in lv.items()} | {name: name for name in lv}
+    cells = [str(cell).strip() for cell in frame["name"]]
+    names = [own[cell] for cell in cells if cell in own]
+    missing = [name for name in lv if name not in names]
+    if strangers := [cell for cell in cells if cell not in own]:
+        one = "not an outlet that perfuses the LV by the outlets table; delete its row"
+        several = "not outlets that perfuse the LV by the outlets table; delete their rows"
+        remedy = one if len(strangers) == 1 else several
+        remedy += f", or correct the name; without a row: {', '.join(missing)}" if missing else ""
+        raise InputError(path, "name", ", ".join(strangers), remedy)
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise InputError(path, "name", cells[number], "duplicate")
+    if missing:
+        raise InputError(path, "name", ", ".join(missing), "missing; every outlet that perfuses the LV needs a row")
     return names
 
 
