@@ -44,6 +44,13 @@ def test_the_four_files_agree_with_one_another(small_tree, tmp_path):
     assert case["targets"]["QlaRatio"]["value"] is None
 
 
+@pytest.mark.parametrize(("lines", "noted"), [({}, True), ({"period": "0.8"}, False)])
+def test_an_assumed_heart_rate_is_said(small_tree, tmp_path, lines, noted):
+    _, summary = check_case(write_case(tmp_path, small_tree, **lines))
+    note = "note: heart rate is not given: a period of 1 s (60 beats per minute), assumed; give HR (1/min)"
+    assert (note in summary) is noted
+
+
 def test_nothing_is_written_when_the_case_is_wrong(small_tree, tmp_path):
     path = write_case(tmp_path, small_tree, targets="absent.csv")
     with pytest.raises(InputError, match="absent.csv: no such file"):

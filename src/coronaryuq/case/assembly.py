@@ -108,7 +108,7 @@ def assemble(
     own_network = _read_own_network(folder, description)
     targets_file = folder / description.targets if description.targets else path
     period = heart_period(targets, description.period, targets_file)
-    period = period or (_period(own_network[0]) if own_network else DEFAULT_PERIOD)
+    period, period_notes = (period, ()) if period else _assumed_period(own_network and own_network[0])
     targets, target_notes = complete_targets(targets, period, targets_file)
     notes: tuple[str, ...] = ()
     tree: Tree | None = None
@@ -176,7 +176,7 @@ def assemble(
         dominance=None if anatomy is None else _dominance(tree, outlets),
         targets=targets,
         errors=(description.errors or RoutineErrors()) if uncertainty == "full" else None,
-        notes=[*notes, *target_notes, *wall.notes],
+        notes=[*notes, *period_notes, *target_notes, *wall.notes],
     )
     return AssembledCase(description, tree, stenoses, network, topology, summary, wall)
 
@@ -206,8 +206,12 @@ def _read_own_network(folder: Path, description: Description) -> tuple[Network, 
     return network, closed_loop_tree(network, path), unit
 
 
-def _period(network: Network) -> float:
-    return float(network.heart.get("cardiac_cycle_period") or 1.0)
+def _assumed_period(network: Network | None) -> tuple[float, tuple[str, ...]]:
+    """Return the period of a given network, else the default, and a note that it is not the patient's heart rate."""
+    stated = None if network is None else network.heart.get("cardiac_cycle_period")
+    period, origin = (float(stated), "that of the network") if stated else (DEFAULT_PERIOD, "assumed")
+    rate = f"{60.0 / period:.3g} beats per minute"
+    return period, (f"heart rate is not given: a period of {period:.3g} s ({rate}), {origin}; give HR (1/min)",)
 
 
 def _physics(
