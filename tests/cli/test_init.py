@@ -1,6 +1,7 @@
 """`coronaryuq init` writes a case that `check` reads, with blanks only for what nobody can guess."""
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -262,3 +263,44 @@ def test_names_with_blanks_and_numbers_survive(here):
     fill_flows()
     assert fault() == ""
     assert json.dumps("../a folder: {x}/tree.vtp") in Path("mine/case.yaml").read_text()
+
+
+def waisted(vessel: Vessel, middle: float) -> Vessel:
+    """Return a vessel with a narrowing of 84 % of the area in its middle."""
+    arc = np.linspace(0.0, vessel.length, 101)
+    points = vessel.points[0] + (arc / vessel.length)[:, None] * (vessel.points[-1] - vessel.points[0])
+    radii = vessel.radius_at(arc) * (1.0 - 0.6 * np.exp(-(((arc - middle) / 0.3) ** 2)))
+    return Vessel(vessel.name, points, radii, vessel.parent, vessel.branch)
+
+
+def test_a_stenosis_in_a_side_branch_is_not_called_that_of_the_artery(here, capsys):
+    tree = small_tree()
+    start = tree["lca1"].points[-1]
+    side = straight("diag", start, (0, 0.8, -0.6), 4.0, (0.11, 0.11), "lca1", "LAD")
+    end = straight("lad", start, (0.6, 0, -0.8), 6.0, (0.11, 0.11), "lca1", "LAD")
+    write_tree("tree.vtp", Tree([*tree, waisted(side, 2.0), waisted(end, 3.0)]))
+    assert init("tree.vtp", "--yes") == 0
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("stenosis ")]
+    assert any(line.startswith("stenosis LAD: vessel lad, ") and "of the area; check it" in line for line in told)
+    assert any(line.startswith("stenosis diag: vessel diag, ") for line in told) and len(told) == 2
+    page = Path("mine/README.md").read_text()
+    assert "delete those that are no stenosis" in page and "- diag: vessel diag, " in page
+    fill_flows()
+    assert fault() == ""
+    assert any(line.startswith("stenosis LAD: vessel lad = LAD, ") for line in check("mine/case.yaml").lines)
+
+
+def test_the_next_command_can_be_pasted(here, capsys):
+    write_tree("tree.vtp", small_tree())
+    assert main(["init", "tree.vtp", "--into", "my patients/no 1", "--yes"]) == 0
+    words = shlex.split(capsys.readouterr().out.splitlines()[-1].split(", then ")[1])
+    assert words == ["coronaryuq", "check", "my patients/no 1/case.yaml"]
+
+
+def test_without_a_stenosis_every_command_of_the_page_stops_at_the_posterior(here):
+    write_tree("tree.vtp", small_tree())
+    assert init("tree.vtp", "--yes") == 0
+    page = Path("mine/README.md").read_text()
+    runs = [line for line in page.splitlines() if line.startswith("    coronaryuq run")]
+    assert len(runs) == 2 and all("campaign.yaml posterior" in line for line in runs)
+    assert "no narrowing was found" in page

@@ -5,6 +5,7 @@ from collections import Counter
 from coronaryuq.case.anatomy.dominance import WORDS
 from coronaryuq.case.anatomy.stenosis_detection import example_stenosis
 from coronaryuq.case.anatomy.tree import AORTA
+from coronaryuq.case.anatomy.vessel_names import readable_names
 from coronaryuq.case.assembly import AssembledCase
 from coronaryuq.case.case_json import CaseWirePlace
 from coronaryuq.case.perfusion.place import distances_to_outlets
@@ -39,11 +40,14 @@ def describe(case: AssembledCase) -> list[str]:
         lines[-1] += f"; its outlets lie {distances.min():.1f} to {distances.max():.1f} cm from it"
     if summary.dominance is not None:
         lines.append(f"dominance: {WORDS[summary.dominance]}")
+    readable = readable_names(case.tree, summary.outlets)
     for stenosis in summary.stenoses:
         ratio, start = stenosis.area_ratio, stenosis.start
         narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"
         extent = "" if start is None else f", {start:.2f} to {stenosis.end:.2f} cm"
-        lines.append(f"stenosis {stenosis.name}: vessel {stenosis.vessel}{extent}{narrowing}")
+        own = readable.get(stenosis.vessel, stenosis.vessel)
+        vessel = stenosis.vessel if own == stenosis.vessel else f"{stenosis.vessel} = {own}"
+        lines.append(f"stenosis {stenosis.name}: vessel {vessel}{extent}{narrowing}")
     lines += [_wire_place(case, place) for place in summary.ffr_at]
     if case.description.anatomy is None:
         lines.append("no anatomy, so no 3D runs: only the target `posterior` can be run")

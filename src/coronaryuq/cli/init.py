@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -12,7 +13,7 @@ from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.draft.draft import CASE, Draft, draft_anatomy, draft_network
 from coronaryuq.case.draft.perfusion import perfusion_entry
 from coronaryuq.case.draft.source import End, Source, recognise
-from coronaryuq.case.draft.write import Inputs, check_free, write_draft
+from coronaryuq.case.draft.write import README, Inputs, check_free, write_draft
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import read_case_targets
 from coronaryuq.core import shipped
@@ -65,7 +66,8 @@ def main(options: argparse.Namespace) -> int:
     for line in _told(draft):
         print(line)
     print(f"wrote {', '.join(files)} in {folder}")
-    print(f"next: fill in the blanks that {folder / 'README.md'} lists, then coronaryuq check {folder / CASE}")
+    check = shlex.join(["coronaryuq", "check", str(folder / CASE)])
+    print(f"next: fill in the blanks that {folder / README} lists, then {check}")
     return 0
 
 
@@ -126,10 +128,7 @@ def _aortic(source: Source, ends: Sequence[End], unit: str, ask: Callable[[str],
 def _stenoses(draft: Draft, ask: Callable[[str], str]) -> Draft:
     kept = []
     for stenosis in draft.stenoses:
-        entry = stenosis.entry
-        place = f"{entry['name']}: {entry['vessel']}, {entry['start']:.2f} to {entry['end']:.2f} cm"
-        question = f"A narrowing of {stenosis.narrowing:.0%} of the area, {place}. Is it a stenosis?"
-        if _choice(ask, question, ["y", "n"], "y") == "y":
+        if _choice(ask, f"Narrowing {stenosis}. Is it a stenosis?", ["y", "n"], "y") == "y":
             kept.append(stenosis)
     return replace(draft, stenoses=kept)
 
@@ -144,5 +143,5 @@ def _told(draft: Draft) -> list[str]:
         lines.append(f"outlet {row.name}: {row.branch or 'artery unknown'}, {row.perfuses or 'tissue unknown'}{how}")
     if draft.dominance is not None:
         lines.append(f"dominance: {WORDS[draft.dominance]}; check it")
-    lines += [f"stenosis {s.entry['name']}: {s.narrowing:.0%} of the area" for s in draft.stenoses]
+    lines += [f"stenosis {stenosis}; check it" for stenosis in draft.stenoses]
     return lines + [f"note: {note}" for note in draft.notes]

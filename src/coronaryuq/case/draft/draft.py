@@ -1,8 +1,9 @@
 """A draft of `case.yaml`: outlets with their roles, stenoses, and notes on what was taken for granted."""
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from coronaryuq.case.anatomy.closed_lumen import AORTIC
 from coronaryuq.case.anatomy.dominance import find_dominance
 from coronaryuq.case.anatomy.read import place_outlets, read_anatomy
 from coronaryuq.case.anatomy.stenosis_detection import detected_stenoses
-from coronaryuq.case.anatomy.tree import AORTA, Tree, area_ratio
+from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, area_ratio
 from coronaryuq.case.anatomy.vessel_names import course
 from coronaryuq.case.anatomy.wire_places import distance_from_ostium
 from coronaryuq.case.case_json import Branch, Dominance, Point, Tissue
@@ -48,6 +49,11 @@ class DraftStenosis:
 
     entry: dict[str, Any]
     narrowing: float
+
+    def __str__(self) -> str:
+        entry = self.entry
+        place = f"vessel {entry['vessel']}, {entry['start']:.2f} to {entry['end']:.2f} cm"
+        return f"{entry['name']}: {place}, {self.narrowing:.0%} of the area"
 
 
 @dataclass(frozen=True)
@@ -203,14 +209,15 @@ def _with_stenoses(draft: Draft, settings: Settings) -> Draft:
     file, description, anatomy, rows = _described(draft)
     tree, notes = read_anatomy(file, description, anatomy, rows, settings)
     tree, placed = place_outlets(file, description, tree, rows)
+    labels = {placed.vessels[row.name]: row.label for row in draft.rows}
+    found = detected_stenoses(tree, settings.narrowing, settings.serial)
     stenoses = [
         DraftStenosis(
-            {"name": s.name, "vessel": s.vessel, "start": round(s.start, 3), "end": round(s.end, 3)},
+            {"name": name, "vessel": s.vessel, "start": round(s.start, 3), "end": round(s.end, 3)},
             1.0 - area_ratio(tree, s),
         )
-        for s in detected_stenoses(tree, settings.narrowing, settings.serial)
+        for name, s in zip(_stenosis_names(tree, found, labels), found, strict=True)
     ]
-    labels = {placed.vessels[row.name]: row.label for row in draft.rows}
     branches = {placed.vessels[row.name]: row.branch for row in draft.rows if row.branch is not None}
     return replace(
         draft,
@@ -220,6 +227,20 @@ def _with_stenoses(draft: Draft, settings: Settings) -> Draft:
         tree=tree,
         notes=notes + placed.notes,
     )
+
+
+def _stenosis_names(tree: Tree, stenoses: Sequence[Stenosis], labels: Mapping[str, str]) -> list[str]:
+    """Return a name for each stenosis: its artery, or the side branch in which it lies, with a number from 2 on."""
+    main = {vessel.name for artery in ("LM", *BRANCHES) for vessel in course(tree, artery, labels)}
+    names: list[str] = []
+    for stenosis in stenoses:
+        vessel = tree[stenosis.vessel]
+        fed = sorted((labels[v.name] for v in tree.subtree(vessel.name) if v.name in labels), key=_natural)
+        own = vessel.branch if vessel.name in main or not fed else fed[0]
+        own = own if re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,12}", own) else vessel.branch
+        number = "x" if own[-1].isdigit() else ""
+        names.append(next(n for k in count(1) if (n := own if k == 1 else f"{own}{number}{k}") not in names))
+    return names
 
 
 def _example_of_a_wire_place(tree: Tree, labels: Mapping[str, str]) -> dict[str, Any] | None:

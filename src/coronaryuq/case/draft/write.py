@@ -231,7 +231,8 @@ def readme(name: str, draft: Draft, inputs: Inputs) -> str:
     todo = [f"- `{OUTLETS}`: {text}." for text in _left_open(draft.rows)]
     if inputs.perfusion is None:
         todo.append(
-            f"- `{FLOWS}`: the hyperaemic flow of every outlet in mL/min, or a perfusion map (`perfusion` in `{CASE}`)."
+            f"- `{FLOWS}`: the hyperaemic flow of every outlet that perfuses the left ventricle (LV), in mL/min; "
+            f"delete other rows. Or give a perfusion map (`perfusion` in `{CASE}`)."
         )
     if inputs.targets is None:
         todo.append(
@@ -245,11 +246,21 @@ def readme(name: str, draft: Draft, inputs: Inputs) -> str:
             "- Arteries and labels from the course of the vessels, not from names: "
             + ", ".join(f"{row.name} ({row.branch or '?'}, {row.perfuses or '?'})" for row in guessed)
         )
+    if draft.stenoses:
+        checks.append(
+            f"- Narrowings that were found, in `{CASE}`; delete those that are no stenosis:\n"
+            + "\n".join(f"    - {stenosis}" for stenosis in draft.stenoses)
+        )
+    elif draft.tree is not None:
+        checks.append(
+            f"- `stenoses` in `{CASE}`: no narrowing was found. For a 3D model name a stretch of an artery; "
+            f"`coronaryuq check {CASE}` proposes one."
+        )
     if draft.dominance is not None:
         checks.append(f"- Dominance by the course of the arteries: {WORDS[draft.dominance]}")
-    run = f"coronaryuq run {CONFIGURATION}"
+    run, why = f"coronaryuq run {CONFIGURATION}", ""
     if not draft.stenoses or draft.tree is None:
-        run += " posterior   # without an anatomy or a stenosis there is no 3D model"
+        run, why = f"{run} posterior", "   # without an anatomy or a stenosis there is no 3D model"
     parts = [f"# {name}", ""]
     if todo:
         parts += ["## To fill in", "", *todo, ""]
@@ -259,8 +270,8 @@ def readme(name: str, draft: Draft, inputs: Inputs) -> str:
         "## Next commands, in this folder",
         "",
         f"    coronaryuq check {CASE}",
-        f"    coronaryuq run {CONFIGURATION} --dry-run",
-        f"    {run}",
+        f"    {run} --dry-run",
+        f"    {run}{why}",
         "",
     ]
     return "\n".join(parts)
