@@ -29,13 +29,13 @@ def card(tmp_path):
     """Return the card of a stenosis with given estimates beyond the mean of FFR."""
     write_json(tmp_path / "mesh.json", {"nodes": 8000, "settings": {"throat_resolution": 3.0}})
 
-    def make(columns=COLUMNS, reading=None, stenosis=STENOSIS, **beyond):
+    def make(columns=COLUMNS, reading=None, stenosis=STENOSIS, past=False, **beyond):
         rows = [
             row(column_3d=f"{quantity}_lad", beyond_the_mean=BeyondTheMean(**beyond), estimators={"MC": estimate})
             for quantity, estimate in columns.items()
         ]
         mesh = MeshError(tmp_path / "mesh.json", None)
-        return lesion_card(Lesion(stenosis, {"BC_b": "the resistance of the D1 bed"}, mesh, reading), rows)
+        return lesion_card(Lesion(stenosis, {"BC_b": "the resistance of the D1 bed"}, mesh, reading, past), rows)
 
     return make
 
@@ -164,6 +164,8 @@ def test_where_ffr_is_read_is_compared_with_what_experts_advise(card):
     }
     far = card(reading=1.5, stenosis=read_at(2.5))["reading"]
     assert far["advised"] and far["words"] == "15 mm beyond the lesion" and far["by_0d"] == ""
+    past = card(reading=0.93, past=True)["reading"]["words"]
+    assert past == "9 mm beyond the lesion, past a branching"
     near = card(reading=0.6, stenosis=read_at(1.6, "branch"))["reading"]
     assert near["words"] == "6 mm beyond the lesion, the last place before its vessel branches (15 mm were asked for)"
     assert card()["reading"]["words"] == ""

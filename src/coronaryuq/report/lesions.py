@@ -27,13 +27,15 @@ class Lesion:
     """What the page knows of a stenosis besides its estimates.
 
     inputs: name of each input of the posterior. reading: distance (cm) beyond the lesion at which 3D FFR is read, None
-    where there is no such plane; the 0D distance follows from the stenosis.
+    where there is no such plane; the 0D distance follows from the stenosis. past_branching: whether the plane lies in
+    another vessel than the lesion.
     """
 
     stenosis: CaseStenosis
     inputs: Mapping[str, str]
     mesh: MeshError
     reading: float | None = None
+    past_branching: bool = False
 
 
 def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
@@ -62,7 +64,7 @@ def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
         "limit": _limit(zones),
         **verdict,
         "sentence": _sentence(verdict["verdict"], patient, zones),
-        "reading": _reading(lesion.stenosis, lesion.reading),
+        "reading": _reading(lesion),
         "change": what_would_change(ffr_row, zones, next(iter(drivers), None)),
         "open": verdict["class"] == "warn",
         "mean": quantity_cell(ffr_row, rows, lesion.mesh),
@@ -179,13 +181,14 @@ def _below(zones: Sequence[Probability]) -> str:
     return _probability(zones[-1].complement)["value"]
 
 
-def _reading(stenosis: CaseStenosis, distance: float | None) -> dict:
+def _reading(lesion: Lesion) -> dict:
     """Return where the FFR of the card, of 3D, is read, whether experts advise to, and where 0D reads if elsewhere."""
+    stenosis, distance = lesion.stenosis, lesion.reading
     if distance is None:
         return {"words": "", "advised": True, "by_0d": ""}
     mm, read = round(10 * distance), stenosis.read
     in_0d = 0.0 if read is None or stenosis.end is None else 10 * (read.arc - stenosis.end)
-    words = f"{mm} mm beyond the lesion"
+    words = f"{mm} mm beyond the lesion{', past a branching' if lesion.past_branching else ''}"
     if read is not None and read.stop is not None:
         words += f", {STOPS[read.stop]} ({10 * read.asked:g} mm were asked for)"
     by_0d = ""

@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from coronaryuq.case.anatomy.dominance import WORDS
-from coronaryuq.case.case_json import CaseSummary, read_case
+from coronaryuq.case.case_json import CaseStenosis, CaseSummary, read_case
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.io.tables import read_csv
@@ -71,7 +71,7 @@ def write_report(
     lowest = predicted.lowest(asked, readings)
     counts = _counts(failures, rows, estimates.settings["curve_nodes"], summary.model_runs)
     inputs = _input_names(case) | adoption.labels(files)
-    lesions = [Lesion(stenosis, inputs, mesh, _beyond(stenosis, mesh_json)) for stenosis in case.stenoses]
+    lesions = [Lesion(one, inputs, mesh, _beyond(one, mesh_json), _past(one, mesh_json)) for one in case.stenoses]
     context = {
         "case": case,
         "dominance": case.dominance and WORDS[case.dominance],
@@ -142,6 +142,12 @@ def _beyond(stenosis, mesh: MeshDescription) -> float | None:
     if plane is None or region is None or stenosis.end is None:
         return None
     return plane.distance_from_throat - (stenosis.end - region.throat)
+
+
+def _past(stenosis: CaseStenosis, mesh: MeshDescription) -> bool:
+    """Return whether FFR of a lesion is read in another vessel than the lesion's, beyond a branching."""
+    plane = mesh.planes.get(stenosis.name)
+    return plane is not None and plane.vessel != stenosis.vessel
 
 
 def _counts(failures: dict, rows: list[RowReport], curve_nodes: int, posterior_runs: int) -> dict:
