@@ -304,3 +304,12 @@ def test_without_a_stenosis_every_command_of_the_page_stops_at_the_posterior(her
     runs = [line for line in page.splitlines() if line.startswith("    coronaryuq run")]
     assert len(runs) == 2 and all("campaign.yaml posterior" in line for line in runs)
     assert "no narrowing was found" in page
+
+
+def test_a_dry_run_says_that_it_has_not_read_the_blank_tables(here, monkeypatch, capfd):
+    write_tree("tree.vtp", small_tree())
+    assert init("tree.vtp", "--yes") == 0
+    monkeypatch.chdir("mine")
+    assert main(["run", "campaign.yaml", "posterior", "--dry-run"]) == 0
+    assert "tables and vessels were not read. coronaryuq check campaign.yaml reads them." in capfd.readouterr().err
+    assert main(["check", "campaign.yaml"]) == InputError.EXIT_CODE

@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import shlex
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -78,13 +79,18 @@ def run(
     """
     _check_targets(targets)
     complete_environment()
-    results = Path("results", config.load(configuration).name)
+    campaign = config.load(configuration)
+    results = Path("results", campaign.name)
     if not dry_run and (results / FOLDER).is_dir():
         for path in remove_changed(results).changed:
             print(f"{path}: changed since its job wrote it; removed", file=sys.stderr)
     command = Command(configuration, targets, cores, profile, more)
     if dry_run or verbose:
-        return subprocess.run(command.words(*["--dry-run"] * dry_run), check=False).returncode
+        code = subprocess.run(command.words(*["--dry-run"] * dry_run), check=False).returncode
+        if dry_run and not code and campaign.case != "bundled":
+            check = shlex.join(["coronaryuq", "check", str(configuration)])
+            print(f"A plan only: the case's tables and vessels were not read. {check} reads them.", file=sys.stderr)
+        return code
     print(f"Runs: {command}", file=sys.stderr)
     try:
         progress = Progress(results, plan(command), command.slots)
