@@ -137,6 +137,15 @@ def test_nothing_overlaps_is_cut_off_or_empty(page, tab, width):
 
 
 @in_browser
+def test_figures_scroll_on_a_telephone_at_a_size_whose_labels_can_be_read(page, tab):
+    tab.open(page, *WIDTHS["phone"])
+    shown = tab.run(
+        "[...document.querySelectorAll('.picture img')].map(i => i.clientWidth / Math.min(i.naturalWidth, 700))"
+    )
+    assert len(shown) > 5 and min(shown) > 0.99
+
+
+@in_browser
 @pytest.mark.parametrize("dark", [False, True])
 def test_every_text_can_be_read_on_its_ground(page, tab, dark):
     tab.open(page, *WIDTHS["desktop"], dark=dark)
