@@ -172,6 +172,10 @@ def test_of_a_network_the_arteries_that_no_name_tells_are_asked_for_in_one_line(
     write_json("loop.json", loop())
     assert init("loop.json", "--yes") == 0
     assert "outlets.csv: " in fault() and "not given; fill in " in fault() and "\n" not in fault()
+    found = check("mine/case.yaml")
+    names = [line.split(",")[0] for line in Path("mine/outlets.csv").read_text().splitlines()[1:]]
+    (asked,) = [line for line in found.lines if "what are they?" in line]
+    assert all(f"{name} (vessel " in asked for name in names) and found.sketch.tree is not None
 
 
 def test_nothing_is_overwritten_and_the_line_names_the_file(here, capsys):

@@ -101,8 +101,13 @@ def assemble(
     path = Path(case_yaml)
     description = read_description(path)
     folder = path.parent
-    rows = read_outlets(folder / description.outlets)
     sketch = sketch or Sketch()
+    try:
+        rows = read_outlets(folder / description.outlets)
+    except InputError:
+        if description.network is not None and description.anatomy is None:
+            _sketch_network(sketch, folder, description)
+        raise
     sketch.rows, sketch.unit = rows, None if description.anatomy is None else description.length_unit
     targets = read_case_targets(folder / description.targets) if description.targets else {}
     own_network = _read_own_network(folder, description)
@@ -204,6 +209,20 @@ def _read_own_network(folder: Path, description: Description) -> tuple[Network, 
     closed_loop_tree(content, path)
     network, unit = to_cgs(Network(content), description.network_units, path)
     return network, closed_loop_tree(network, path), unit
+
+
+def _sketch_network(sketch: Sketch, folder: Path, description: Description) -> None:
+    """Give the sketch a network whose outlets table has a fault, so that its beds are seen where they are asked for."""
+    try:
+        own_network = _read_own_network(folder, description)
+    except InputError:  # told once the table is sound
+        return
+    if own_network is not None:
+        topology = own_network[1]
+        beds = {bc: vessel for bc, vessel in topology.vessel_of.items() if topology.kind(bc) in CORONARY}
+        sides = {bc: "RCA" if CORONARY[topology.kind(bc)] else "LM" for bc in beds}
+        sketch.tree = schematic_tree(topology, description.density, sides)
+        sketch.beds = {vessel: bc.removeprefix("BC_") for bc, vessel in beds.items()}
 
 
 def _assumed_period(network: Network | None) -> tuple[float, tuple[str, ...]]:

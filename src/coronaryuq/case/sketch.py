@@ -40,6 +40,8 @@ class Sketch:
         Vessels, their ends' outlets, stenoses.
     outlets, wire_places, wall
         Coronary outlets of the finished case, places of a pressure wire, the left ventricular wall.
+    beds
+        Of a network whose outlets table has a fault: vessel → name of the coronary bed at its end.
     unit
         Length unit of the anatomy; None without an anatomy.
     file
@@ -53,6 +55,7 @@ class Sketch:
     outlets: list[CaseOutlet] = field(default_factory=list)
     wire_places: list[CaseWirePlace] = field(default_factory=list)
     wall: Wall | None = None
+    beds: dict[str, str] = field(default_factory=dict)
     unit: str | None = None
     file: Path | None = None
 
@@ -67,7 +70,10 @@ class Sketch:
             row = rows.get(vessel.name)
             if row is not None:
                 roles.append(EndRole(vessel, row.name, row.label, row.branch, row.perfuses))
-            elif vessel.name in systemic or vessel.made or is_aorta(vessel) or self.outlets:
+            elif vessel.name in self.beds:
+                bed = self.beds[vessel.name]
+                roles.append(EndRole(vessel, bed, bed, None, f"vessel {vessel.name}"))
+            elif vessel.name in systemic or vessel.made or is_aorta(vessel) or self.outlets or self.beds:
                 made = "added for the 0D loop" if vessel.made else systemic.get(vessel.name, "systemic")
                 roles.append(EndRole(vessel, vessel.name, vessel.name, AORTA, made))
             else:
@@ -87,7 +93,8 @@ class Sketch:
         lines = self._unit_line(roles)
         for artery in dict.fromkeys(role.artery for role in roles):
             own = "; ".join(str(role) for role in roles if role.artery == artery)
-            lines.append(f"ends of the {artery}: {own}" if artery else f"ends without a row, what are they? {own}")
+            unknown = "ends whose artery is not read" if self.beds else "ends without a row"
+            lines.append(f"ends of the {artery}: {own}" if artery else f"{unknown}, what are they? {own}")
         return lines
 
     def _unit_line(self, roles: Sequence[EndRole]) -> list[str]:

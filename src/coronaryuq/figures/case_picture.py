@@ -159,7 +159,11 @@ def _legend(axes, tree: Tree, roles: list[EndRole], sketch: Sketch) -> None:
     shown += [("aorta", "#DDDDDD")] if any(v.branch == AORTA for v in tree) else []
     shown += [("stenosis", STENOSIS)] if sketch.stenoses else []
     shown += [("pressure wire", WIRE)] if sketch.wire_places else []
-    shown += [("no row: what is it?", UNKNOWN)] if any(role.artery is None for role in roles) else []
+    shown += (
+        [("what is it?" if sketch.beds else "no row: what is it?", UNKNOWN)]
+        if any(role.artery is None for role in roles)
+        else []
+    )
     handles = [axes.plot([], [], color=ink, lw=3, label=name)[0] for name, ink in shown]
     title = "" if sketch.unit is None else f"read in {sketch.unit}"
     title += "; territories: nearest outlet" if sketch.wall is not None else ""
