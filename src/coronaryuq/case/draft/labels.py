@@ -222,7 +222,8 @@ def _along_artery(
         for stem in dict.fromkeys(stems.values()):
             alike = [end for end in own if stems[end] == stem]
             if stem == "PL":  # each has its own number, in the order in which they leave their trunk
-                alike.sort(key=lambda end: (arc[end] - tree[end].length, end))
+                # The arc of the vessel before it is one number for both ends of a fork.
+                alike.sort(key=lambda end: (arc[tree.path(end)[-2].name], end))
             for k, end in enumerate(alike):
                 numbers[stem] += k == 0 or stem == "PL"
                 letter = chr(ord("a") + k) if k and stem != "PL" else ""
