@@ -35,7 +35,11 @@ def notes(folder):
 @pytest.mark.slow
 def test_an_interrupted_campaign_says_what_it_keeps_and_goes_on(folder):
     words = [*COMMAND, "run", "mine.yaml", "results/mine/perfusion/targets.json", "--cores", "1"]
-    process = subprocess.Popen(words, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    # A suite that a shell runs in the background ignores interrupts, and its children would.
+    process = subprocess.Popen(
+        words, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     until = time.monotonic() + 300
     while len(notes(folder)) < 2 and process.poll() is None and time.monotonic() < until:
         time.sleep(0.05)
