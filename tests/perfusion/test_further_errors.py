@@ -10,6 +10,7 @@ from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.perfusion.further_errors import SHIFTS, further_errors
 from coronaryuq.perfusion.settings import Settings
+from coronaryuq.perfusion.targets import read_perfusion_targets, supplied
 from coronaryuq.perfusion.territories import Ventricle, distances_to_points
 from support.perfusion_stage import gathered
 
@@ -77,9 +78,15 @@ def test_the_stage_adds_them_with_full_uncertainty_only(ventricle, tmp_path):
     tree = pv.PolyData(np.concatenate([0.8 * ends, ends]), lines=[[2, k, k + len(ends)] for k in range(len(ends))])
     tree.cell_data["VesselName"] = [f"vessel{k}" for k in range(len(ends))]
     tree.save(folder / "tree.vtp")
-    full = json.loads(gathered((folder / "case.json", ventricle[1]), folder, settings).read_text())
+    written = gathered((folder / "case.json", ventricle[1]), folder, settings)
+    full = json.loads(written.read_text())
     assert full["rules"] == {"outlet": 0.5, "centreline": 0.5}
     added = sum(np.array(part) for part in full["further"].values())
     np.testing.assert_allclose(np.array(full["covariance"]) - added, plain["covariance"], rtol=1e-6, atol=1e-12)
     calibration = (0.1**2 + 0.01**2) * np.square(full["mean"]).sum()
     assert np.trace(full["further"]["calibration"]) == pytest.approx(calibration)
+    # Flow per tissue is that of the map, whichever rule divides the wall.
+    targets = read_perfusion_targets(written)
+    flow_per_tissue = targets.mean / supplied(targets)
+    assert np.allclose(flow_per_tissue, targets.baseline / targets.volume)
+    assert not np.allclose(targets.mean, targets.baseline, rtol=0.01), "the rules differ"

@@ -105,3 +105,12 @@ def read_perfusion_targets(path: str | Path) -> PerfusionTargets:
         if not flow > 0.0:
             raise InputError(path, f"mean of {bc}", flow, "expected a positive flow")
     return targets
+
+
+def supplied(targets: PerfusionTargets) -> np.ndarray:
+    """Return the tissue (N,), cm3, that the target flows of the outlets supply.
+
+    Volume and noise-free flow of a territory are those of the campaign's own rule, the target is the mean over all
+    rules. A rule that gives an outlet more of the wall gives it more flow and more tissue; flow per tissue stays.
+    """
+    return targets.volume * targets.mean / targets.baseline

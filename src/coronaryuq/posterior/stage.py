@@ -16,7 +16,7 @@ from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import checksum, digest, stamp
 from coronaryuq.core.ranks import Ranks
-from coronaryuq.perfusion.targets import read_perfusion_targets
+from coronaryuq.perfusion.targets import read_perfusion_targets, supplied
 from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import FlowModel, Posterior, respond
@@ -98,13 +98,14 @@ def sample(
         If the files do not agree, or if the covariance is not positive definite.
     """
     ranks = ranks or Ranks()
-    targets, outlets, volume = _read_targets(targets_json, case_json)
+    targets, outlets, _ = _read_targets(targets_json, case_json)
     vessels = {outlet.bc: outlet.vessel for outlet in outlets}
     errors = read_case(case_json).errors
     tissue = None
     if errors is not None:
         arteries = [outlet.branch for outlet in outlets]
-        tissue = Tissue(volume, arteries, errors.microvascular, errors.microvascular_correlation)
+        mass = supplied(read_perfusion_targets(targets_json))
+        tissue = Tissue(mass, arteries, errors.microvascular, errors.microvascular_correlation)
     model = BedFlows(
         hyperaemia_json, vessels, tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
         threads=ranks.threads, further=() if tissue is None else PerGram.further,
