@@ -18,7 +18,7 @@ from coronaryuq.posterior.sampler.chains import prepare
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
 from coronaryuq.zerod.theta import Laws, UncertainParameter
 from support.quadrature import below, cells, moments
-from support.resistor_tree import ResistorTree, targets_of
+from support.resistor_tree import ResistorTree, Shared, targets_of
 
 LAWS = Laws([UncertainParameter("p", "lognormal", 1.0, 0.7, "factor", {})])
 TRIALS = 20
@@ -28,16 +28,6 @@ DELAYED = Settings(
     independence=IndependenceSettings(use=False),
 )  # fmt: skip
 PLAIN = Settings(dream=DreamSettings(generations=4000), emulator=EmulatorSettings(use=False))
-
-
-class Shared(ResistorTree):
-    """A tree whose shared resistance changes with the column after the multipliers."""
-
-    def flows(self, inputs):
-        n = len(self.beds)
-        factor = inputs[:, n:] if inputs.shape[1] > n else 1.0
-        conductance = 1.0 / (self.epicardial + inputs[:, :n] * self.beds)
-        return self.pressure / (1.0 + self.shared * factor * conductance.sum(axis=1, keepdims=True)) * conductance
 
 
 class Narrowed(ResistorTree):

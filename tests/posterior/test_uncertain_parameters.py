@@ -19,7 +19,7 @@ from coronaryuq.posterior.sampler.diagnostics import effective_size
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
 from coronaryuq.zerod.theta import Laws, UncertainParameter
 from support.quadrature import cells, moments
-from support.resistor_tree import ResistorTree, network_of, targets_of
+from support.resistor_tree import ResistorTree, Shared, network_of, targets_of
 
 SETTINGS = Settings(dream=DreamSettings(generations=4000), independence=IndependenceSettings(draws=405))
 PLAIN = SETTINGS.model_copy(update={"emulator": EmulatorSettings(use=False)})
@@ -36,16 +36,6 @@ class Narrowed(ResistorTree):
         conductance = 1.0 / (self.epicardial * factor + inputs[:, :n] * self.beds)
         node = self.pressure / (1.0 + self.shared * conductance.sum(axis=1, keepdims=True))
         return node * conductance
-
-
-class Shared(ResistorTree):
-    """A tree whose shared resistance changes with the column after the multipliers."""
-
-    def flows(self, inputs):
-        n = len(self.beds)
-        factor = inputs[:, n:] if inputs.shape[1] > n else 1.0
-        conductance = 1.0 / (self.epicardial + inputs[:, :n] * self.beds)
-        return self.pressure / (1.0 + self.shared * factor * conductance.sum(axis=1, keepdims=True)) * conductance
 
 
 def of(kind, count):

@@ -32,6 +32,16 @@ class ResistorTree:
         return node * conductance
 
 
+class Shared(ResistorTree):
+    """A tree whose shared resistance changes with the column after the multipliers."""
+
+    def flows(self, inputs):
+        n = len(self.beds)
+        factor = inputs[:, n:] if inputs.shape[1] > n else 1.0
+        conductance = 1.0 / (self.epicardial + inputs[:, :n] * self.beds)
+        return self.pressure / (1.0 + self.shared * factor * conductance.sum(axis=1, keepdims=True)) * conductance
+
+
 def targets_of(tree: ResistorTree, relative_sd: float = 0.2, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of target flows: r-hat's own conductance shares, neighbours anticorrelated."""
     total = tree.flows(np.ones((1, len(tree.beds))))[0].sum()

@@ -16,7 +16,7 @@ from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import checksum, digest, stamp
 from coronaryuq.core.ranks import Ranks
-from coronaryuq.perfusion.targets import read_perfusion_targets, supplied
+from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets, supplied
 from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import FlowModel, Posterior, respond
@@ -98,14 +98,13 @@ def sample(
         If the files do not agree, or if the covariance is not positive definite.
     """
     ranks = ranks or Ranks()
-    targets, outlets, _ = _read_targets(targets_json, case_json)
+    targets, outlets, held = _read_targets(targets_json, case_json)
     vessels = {outlet.bc: outlet.vessel for outlet in outlets}
     errors = read_case(case_json).errors
     tissue = None
     if errors is not None:
         arteries = [outlet.branch for outlet in outlets]
-        mass = supplied(read_perfusion_targets(targets_json))
-        tissue = Tissue(mass, arteries, errors.microvascular, errors.microvascular_correlation)
+        tissue = Tissue(supplied(held), arteries, errors.microvascular, errors.microvascular_correlation)
     model = BedFlows(
         hyperaemia_json, vessels, tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
         threads=ranks.threads, further=() if tissue is None else PerGram.further,
@@ -214,7 +213,7 @@ def gather(
     InputError
         If the chains are not of these targets.
     """
-    targets, outlets, volume = _read_targets(targets_json, case_json)
+    targets, outlets, held = _read_targets(targets_json, case_json)
     chains = Chains.read(chains_npz)
     names = chains.names
     if names != targets.names:
@@ -225,7 +224,7 @@ def gather(
     network = read_network(hyperaemia_json)
     totals = distal_resistances(network)
     resistances = np.array([totals[name] for name in names])
-    write_csv(out.fractions, fractions([outlet.name for outlet in outlets], volume, resistances, chains))
+    write_csv(out.fractions, fractions([outlet.name for outlet in outlets], held.volume, resistances, chains))
     fitted = with_resistances(network, hyperaemia_json, by_name(names, chains.fit_multipliers))
     write_network(out.fitted, fitted)
     shares = targets.mean / targets.mean.sum()
@@ -308,8 +307,10 @@ def _code() -> list[str]:
     return [checksum(path) for part in ("posterior", "zerod") for path in sorted((root / part).rglob("*.py"))]
 
 
-def _read_targets(targets_json: str | Path, case_json: str | Path) -> tuple[TargetFlows, list[CaseOutlet], np.ndarray]:
-    """Targets, the case's outlets in their order, and territory volumes (N,) in cm3."""
+def _read_targets(
+    targets_json: str | Path, case_json: str | Path
+) -> tuple[TargetFlows, list[CaseOutlet], PerfusionTargets]:
+    """Return the target flows, the case's outlets in their order, and all that the perfusion stage says of them."""
     targets = read_perfusion_targets(targets_json)
     outlets = {outlet.bc: outlet for outlet in read_case(case_json).outlets}
     for bc in targets.bc:
@@ -318,4 +319,4 @@ def _read_targets(targets_json: str | Path, case_json: str | Path) -> tuple[Targ
     if len(targets.bc) < 2:
         raise InputError(targets_json, "bc", targets.bc, "expected at least two outlets that perfuse the LV")
     flows = TargetFlows(targets.bc, targets.mean, targets.covariance, targets_json)
-    return flows, [outlets[bc] for bc in targets.bc], targets.volume
+    return flows, [outlets[bc] for bc in targets.bc], targets

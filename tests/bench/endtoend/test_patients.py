@@ -63,7 +63,7 @@ def test_without_noise_the_lumen_and_all_assumptions_are_the_truth():
         exclude={"pressure_correlation", "microvascular", "microvascular_correlation"}
     )
     assert not any(stated.values())
-    # How beds of one heart differ is no error of a measurement.
+    # Beds of one heart differ, however well they are measured.
     assert one.errors.routine.microvascular == RoutineErrors().microvascular > 0
 
 

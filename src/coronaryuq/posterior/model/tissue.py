@@ -21,6 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.core.seeds import generator
 from coronaryuq.zerod.network.beds import SCALING
 from coronaryuq.zerod.theta import Laws
 
@@ -30,7 +31,7 @@ LEVEL = 1.0
 
 @dataclass(frozen=True)
 class Tissue:
-    """What feeds on N beds.
+    """The tissue that N beds supply.
 
     mass (N,): in any unit. arteries (N,): the artery of each bed. spread: standard deviation of the logarithm of
     conductance per mass. correlation: of two beds of one artery.
@@ -114,10 +115,10 @@ class PerGram:
         return random.standard_normal((count, self.dimension))
 
     def outside(self, multipliers: np.ndarray) -> np.ndarray:
-        """Return whether each multiplier (N,) lies outside the prior: none does."""
+        """Return whether each multiplier (N,) lies outside the prior, which has no bounds."""
         return np.zeros(len(multipliers), dtype=bool)
 
     def ranges(self, share: tuple[float, float]) -> np.ndarray:
         """Return the quantiles (N, 2) of each r in the prior."""
-        drawn = self.inputs(self.draw(np.random.default_rng(1), 20_000))[:, : self.beds]
+        drawn = self.inputs(self.draw(generator(1, "posterior", "prior ranges"), 20_000))[:, : self.beds]
         return np.quantile(drawn, share, axis=0).T

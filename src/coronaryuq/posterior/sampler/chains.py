@@ -31,7 +31,7 @@ def prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Pr
 def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> Prepared:
     """Run the model for the emulator and for the chains' first states; all ranks together.
 
-    With an emulator, which needs coordinates on the constraint, the chains start at its design points, which are wider
+    With an emulator, which states that are rescaled cannot have, the chains start at its design points, which are wider
     spread than the posterior, or, for independence steps, at weighted draws of the emulator; without one, at draws of
     the prior.
     """

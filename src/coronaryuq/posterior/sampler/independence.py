@@ -90,7 +90,7 @@ def try_emulator(
     unless no ratio is twice their mean.
     """
     dream, ranks, space, likelihood = settings.dream, posterior.ranks, posterior.space, posterior.likelihood
-    assert not isinstance(space, Rescaled)  # the emulator needs coordinates on the constraint
+    assert not isinstance(space, Rescaled)  # its states have no emulator
     start, made, k_hat, refused = y[: explorers(dream.chains, y.shape[1])], 0, np.nan, ""
     for attempt in range(ATTEMPTS):
         emulator = ranks.run_on_first(partial(Emulator.of_runs, space, likelihood, linearised, y, flows))
