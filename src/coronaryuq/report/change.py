@@ -56,15 +56,18 @@ def _shift(quantiles: Mapping[str, Value], below: Probability, limit: float) -> 
     if limits is None:
         up, down = max(limit - low, 0.0), max(high - limit, 0.0)
         return (
-            f"FFR higher by about {up:.2f} in every state, for instance because the lumen was drawn too narrow, would "
-            f"make it very likely not flow-limiting; lower by about {down:.2f}, flow-limiting."
+            f"FFR higher {_by(up)} in every state, for instance because the lumen was drawn too narrow, would "
+            f"make it very likely not flow-limiting; lower {_by(down)}, flow-limiting."
         ), min(up, down)
     side, drawn, margin = ("higher", "narrow", limit - high) if limits else ("lower", "wide", low - limit)
-    open_by = f"by about {margin:.2f}" if margin >= LEAST else "a little"
     return (
-        f"If FFR were {side} {open_by} in every state, for instance because the lumen was drawn too {drawn}, it would "
-        f"be open; by {abs(median - limit):.2f}, the median would lie at {limit:.2f}."
+        f"If FFR were {side} {_by(margin)} in every state, for instance because the lumen was drawn too {drawn}, "
+        f"it would be open; by {abs(median - limit):.2f}, the median would lie at {limit:.2f}."
     ), max(margin, 0.0)
+
+
+def _by(shift: float) -> str:
+    return f"by about {shift:.2f}" if shift >= LEAST else "a little"
 
 
 def _quantile(quantiles: Mapping[str, Value], share: float) -> float:
