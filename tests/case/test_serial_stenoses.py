@@ -18,8 +18,8 @@ from support.case_files import check_case, straight, write_case
 
 PLACES = (
     ("branch1", 1.6, 2.4, 0.4),
-    ("lca1", 0.6, 1.4, 0.5),
-    ("lca1", 2.2, 3.0, 0.4),
+    ("lca1", 0.6, 1.4, 0.4),
+    ("lca1", 2.2, 3.0, 0.5),
     ("rca1", 2.0, 3.0, 0.15),
     ("rca1", 4.0, 5.0, 0.2),
 )
@@ -67,12 +67,12 @@ def test_serial_stenoses_have_their_names_and_places(serial_tree, tmp_path):
     assert aorta > main > first > second
 
 
-def test_auto_finds_serial_stenoses_and_those_of_the_left_main(serial_tree):
-    found = {s.name: s for s in detected_stenoses(serial_tree, 0.75, 0.5)}
+def test_auto_numbers_serial_stenoses_from_the_ostium_on_and_finds_those_of_the_left_main(serial_tree):
+    found = {s.name: s for s in detected_stenoses(serial_tree, 0.75, 0.5, {})}
     assert list(found) == ["LM", "LAD", "LAD2", "RCA"]
     middle = {name: (s.start + s.end) / 2 for name, s in found.items()}
     assert middle == pytest.approx({"LM": 2.0, "LAD": 1.0, "LAD2": 2.6, "RCA": 4.5}, abs=0.1)
-    assert [s.name for s in detected_stenoses(serial_tree, 0.75, 0.0)] == ["LAD", "RCA"]
+    assert [s.name for s in detected_stenoses(serial_tree, 0.75, 0.0, {})] == ["LAD", "RCA"]
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ def test_a_stenosis_survives_the_way_through_a_surface(small_tree):
     labelled = Tree(
         type(v)(v.name, v.points, v.radii, v.parent, "RCA" if v.name == "rca1" else "aorta") for v in found
     )  # fmt: skip
-    (place,) = detected_stenoses(labelled, 0.7, 0.0)
+    (place,) = detected_stenoses(labelled, 0.7, 0.0, {})
     at = labelled["rca1"].position_at(throat(labelled, place)[0])
     # A tenth of a centimetre off the throat the radius is 7 % more: a surface of 0.045 cm triangles cannot tell.
     assert np.linalg.norm(at - made["rca1"].position_at(3.6)) < 0.12
@@ -142,7 +142,7 @@ def test_no_narrowing_is_found_in_vessels_that_only_taper_or_divide():
     relabelled = Tree(
         type(v)(v.name, v.points, v.radii, v.parent, "aorta" if v.branch == "aorta" else "LAD") for v in tree
     )  # fmt: skip
-    assert detected_stenoses(relabelled, 0.95, 0.0) == []
+    assert detected_stenoses(relabelled, 0.95, 0.0, {}) == []
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """`coronaryuq init` writes a case that `check` reads, with blanks only for what nobody can guess."""
 
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -292,6 +293,10 @@ def test_a_stenosis_in_a_side_branch_is_not_called_that_of_the_artery(here, caps
     fill_flows()
     assert fault() == ""
     assert any(line.startswith("stenosis LAD: vessel lad = LAD, ") for line in check("mine/case.yaml").lines)
+    case = Path("mine/case.yaml")
+    case.write_text(re.sub(r"^stenoses:\n(  - .*\n)+", "stenoses: auto\n", case.read_text(), flags=re.MULTILINE))
+    found = [line for line in check(case).lines if line.startswith("note: stenosis ") and "found on" in line]
+    assert [line.split(":")[1].split()[-1] for line in found] == ["diag", "LAD"]
 
 
 def test_the_next_command_can_be_pasted(here, capsys):

@@ -83,7 +83,7 @@ def write_aortic_root_case(
         + "".join(f"{n},{x},{y},{z},{p},{b},{label}\n" for n, label, p, b, (x, y, z) in OUTLETS),
     )
     write_text(out / "targets.yaml", TARGETS)
-    stenoses = "".join(_stenosis_line(tree, s) for s in detected_stenoses(tree, ANY, 0.0))
+    stenoses = "".join(_stenosis_line(tree, s) for s in detected_stenoses(tree, ANY, 0.0, {}))
     write_text(
         out / "case.yaml",
         "name: aortic-root-7\n"
@@ -112,7 +112,7 @@ def _perfused_wall(path: Path, tree: Tree, seed: int):
     centres = np.asarray(wall.cell_centers().points, dtype=float)
     feeding = [o for o in OUTLETS if o[2] == "LV"]
     ends = np.array([tree[o[0]].points[-1] for o in feeding])
-    behind = {v.name for s in detected_stenoses(tree, ANY, 0.0) for v in tree.subtree(s.vessel)}
+    behind = {v.name for s in detected_stenoses(tree, ANY, 0.0, {}) for v in tree.subtree(s.vessel)}
     level = np.array([DEFICIT if o[0] in behind else 1.0 for o in feeding])
     distance = np.linalg.norm(centres[:, None] - ends, axis=2)
     mix = np.exp(-(distance - distance.min(axis=1, keepdims=True)) / 0.3)

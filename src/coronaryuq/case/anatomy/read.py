@@ -35,6 +35,11 @@ class PlacedOutlets:
     systemic: dict[str, str]
     notes: tuple[str, ...] = ()
 
+    @property
+    def labels(self) -> dict[str, str]:
+        """Vessel of a coronary end → label of its outlet."""
+        return {self.vessels[row.name]: row.label for row in self.rows}
+
 
 def read_anatomy(
     file: Path, description: Description, anatomy: Anatomy, rows: Sequence[OutletRow], settings: Settings
@@ -200,11 +205,14 @@ def _nearest_end(file: Path, field: str, tree: Tree, ends: list[str], point: np.
 
 
 def place_stenoses(
-    file: Path, description: Description, tree: Tree, settings: Settings
+    file: Path, description: Description, tree: Tree, labels: Mapping[str, str], settings: Settings
 ) -> tuple[list[Stenosis], tuple[str, ...]]:
-    """Return the stenoses of the description, or those detected (`auto`), and notes on the detected ones."""
+    """Return the stenoses of the description, or those detected (`auto`), and notes on the detected ones.
+
+    labels: vessel that ends in an outlet → label of the outlet, by which side branches are named.
+    """
     if description.stenoses == "auto":
-        detected = detected_stenoses(tree, settings.narrowing, settings.serial)
+        detected = detected_stenoses(tree, settings.narrowing, settings.serial, labels)
         if not detected:
             raise InputError(
                 file,

@@ -1,8 +1,15 @@
 """Stenosis detection: narrowings relative to the healthy calibre interpolated from both sides."""
 
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import count
+
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
+from coronaryuq.case.anatomy.vessel_names import course, natural_key
+from coronaryuq.case.description.fields import ARTERIES
 
 REACH = (0.3, 0.5, 0.75, 1.0, 1.5)
 """cm on either side within which the healthy calibre is sought."""
@@ -46,10 +53,11 @@ def stenosis_at(tree: Tree, name: str, vessel: str, arc: float, length: float | 
     return Stenosis(name, vessel, start, end)
 
 
-def detected_stenoses(tree: Tree, below: float, serial: float) -> list[Stenosis]:
+def detected_stenoses(tree: Tree, below: float, serial: float, labels: Mapping[str, str]) -> list[Stenosis]:
     """Return the narrowest stenosis of each of LAD, LCx and RCA, and all others that are narrower still.
 
-    The narrowest has the artery's name, others have numbers from 2 on, in the order of their area ratios.
+    They are in the order of the arteries and, in each, of the distance from its ostium. The first of an artery has the
+    artery's name, or that of the side branch in which it lies; those after it have numbers from 2 on.
 
     Parameters
     ----------
@@ -59,15 +67,37 @@ def detected_stenoses(tree: Tree, below: float, serial: float) -> list[Stenosis]
         Area ratio below which the narrowest counts.
     serial
         Area ratio below which others, and stenoses of the left main, count.
+    labels
+        Vessel that ends in an outlet → label of the outlet.
     """
     stenoses = []
-    for branch in ("LM", "LAD", "LCx", "RCA"):
+    for branch in ARTERIES:
         found = [part for vessel in tree if vessel.branch == branch for part in _narrowings(tree, vessel, below)]
         found.sort(key=lambda part: part[0])
         for number, (ratio, vessel_name, start, end) in enumerate(found):
             if ratio < serial or (number == 0 and branch != "LM"):
-                stenoses.append(Stenosis(branch + (str(number + 1) if number else ""), vessel_name, start, end))
-    return stenoses
+                stenoses.append(Stenosis(branch, vessel_name, start, end))
+    return _named(tree, sorted(stenoses, key=lambda s: _place_in_order(tree, s)), labels)
+
+
+def _place_in_order(tree: Tree, stenosis: Stenosis) -> tuple[int, float]:
+    before = sum(vessel.length for vessel in tree.path(stenosis.vessel)[:-1])
+    return ARTERIES.index(stenosis.name), before + stenosis.start
+
+
+def _named(tree: Tree, stenoses: list[Stenosis], labels: Mapping[str, str]) -> list[Stenosis]:
+    """Return the stenoses, each with a name of its own: artery or side branch, with a number from 2 on."""
+    main = {vessel.name for artery in ARTERIES for vessel in course(tree, artery, labels)}
+    names: list[str] = []
+    for stenosis in stenoses:
+        vessel = tree[stenosis.vessel]
+        fed = sorted((labels[v.name] for v in tree.subtree(vessel.name) if v.name in labels), key=natural_key)
+        own = vessel.branch if vessel.name in main or not fed else fed[0]
+        own = own if re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,12}", own) else vessel.branch
+        number = "x" if own[-1].isdigit() else ""
+        tried = (own if k == 1 else f"{own}{number}{k}" for k in count(1))
+        names.append(next(name for name in tried if name.lower() not in [other.lower() for other in names]))
+    return [replace(stenosis, name=name) for stenosis, name in zip(stenoses, names, strict=True)]
 
 
 def _narrowings(tree: Tree, vessel: Vessel, below: float) -> list[tuple[float, str, float, float]]:

@@ -1,5 +1,6 @@
 """Vessels of the tree by the names that a reader knows: LAD, D1, LM."""
 
+import re
 from collections.abc import Iterable, Mapping
 
 from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel
@@ -48,6 +49,11 @@ def course(tree: Tree, artery: str, labels: Mapping[str, str]) -> list[Vessel]:
     starts = [vessel for vessel in own if vessel.parent is None or tree[vessel.parent].branch != artery]
     paths = [_coronary_path(tree, [v for v in _along(tree, start) if v.branch == artery][-1]) for start in starts]
     return max(paths, key=lambda path: sum(vessel.length for vessel in path), default=[])
+
+
+def natural_key(name: str) -> tuple[str | int, ...]:
+    """Return a key by which D2 comes before D10."""
+    return tuple(int(word) if word.isdigit() else word for word in re.split(r"(\d+)", name))
 
 
 def _coronary_path(tree: Tree, last: Vessel) -> list[Vessel]:

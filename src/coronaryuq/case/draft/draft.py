@@ -1,9 +1,8 @@
 """A draft of `case.yaml`: outlets with their roles, stenoses, and notes on what was taken for granted."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +10,8 @@ from coronaryuq.case.anatomy.closed_lumen import AORTIC
 from coronaryuq.case.anatomy.dominance import find_dominance
 from coronaryuq.case.anatomy.read import place_outlets, read_anatomy
 from coronaryuq.case.anatomy.stenosis_detection import detected_stenoses
-from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, area_ratio
-from coronaryuq.case.anatomy.vessel_names import course
+from coronaryuq.case.anatomy.tree import AORTA, Tree, area_ratio
+from coronaryuq.case.anatomy.vessel_names import course, natural_key
 from coronaryuq.case.anatomy.wire_places import distance_from_ostium
 from coronaryuq.case.case_json import Branch, Dominance, Point, Tissue
 from coronaryuq.case.description.fields import Anatomy, Description, SystemicOutlet, TerritoryFlows
@@ -147,7 +146,7 @@ def _of_lumen(source: Source, unit: str, ends: list[End], aortic: Collection[str
     tree, _ = read_anatomy(*_described(draft), settings)
     labels, taken = label_ends(tree, [row.name for row in rows], names_tell=False), set[str]()
     named = []
-    for row in sorted(rows, key=lambda row: (_order(labels[row.name].branch), *_natural(labels[row.name].label))):
+    for row in sorted(rows, key=lambda row: (_order(labels[row.name].branch), *natural_key(labels[row.name].label))):
         end = labels[row.name]
         named.append(DraftRow(_free(end.label, taken), end.label, end.branch, end.perfuses, point=row.point))
     if tree.root.branch == AORTA and not tree.root.made:
@@ -170,11 +169,6 @@ def _if_narrow(real: list[End], ends: list[End], aortic: Collection[str]) -> lis
     """Return the aortic ends if one of them is too narrow to be taken as one by its width, else none."""
     widest = max((end.radius for end in ends if end.name not in aortic), default=0.0)
     return real if any(end.radius < AORTIC * widest for end in real) else []
-
-
-def _natural(name: str) -> tuple[str | int, ...]:
-    """Return a key by which D2 comes before D10."""
-    return tuple(int(word) if word.isdigit() else word for word in re.split(r"(\d+)", name))
 
 
 def _rounded(point: Point) -> Point:
@@ -209,14 +203,13 @@ def _with_stenoses(draft: Draft, settings: Settings) -> Draft:
     file, description, anatomy, rows = _described(draft)
     tree, notes = read_anatomy(file, description, anatomy, rows, settings)
     tree, placed = place_outlets(file, description, tree, rows)
-    labels = {placed.vessels[row.name]: row.label for row in draft.rows}
-    found = detected_stenoses(tree, settings.narrowing, settings.serial)
+    labels = placed.labels
     stenoses = [
         DraftStenosis(
-            {"name": name, "vessel": s.vessel, "start": round(s.start, 3), "end": round(s.end, 3)},
+            {"name": s.name, "vessel": s.vessel, "start": round(s.start, 3), "end": round(s.end, 3)},
             1.0 - area_ratio(tree, s),
         )
-        for name, s in zip(_stenosis_names(tree, found, labels), found, strict=True)
+        for s in detected_stenoses(tree, settings.narrowing, settings.serial, labels)
     ]
     branches = {placed.vessels[row.name]: row.branch for row in draft.rows if row.branch is not None}
     return replace(
@@ -227,20 +220,6 @@ def _with_stenoses(draft: Draft, settings: Settings) -> Draft:
         tree=tree,
         notes=notes + placed.notes,
     )
-
-
-def _stenosis_names(tree: Tree, stenoses: Sequence[Stenosis], labels: Mapping[str, str]) -> list[str]:
-    """Return a name for each stenosis: its artery, or the side branch in which it lies, with a number from 2 on."""
-    main = {vessel.name for artery in ("LM", *BRANCHES) for vessel in course(tree, artery, labels)}
-    names: list[str] = []
-    for stenosis in stenoses:
-        vessel = tree[stenosis.vessel]
-        fed = sorted((labels[v.name] for v in tree.subtree(vessel.name) if v.name in labels), key=_natural)
-        own = vessel.branch if vessel.name in main or not fed else fed[0]
-        own = own if re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,12}", own) else vessel.branch
-        number = "x" if own[-1].isdigit() else ""
-        names.append(next(n for k in count(1) if (n := own if k == 1 else f"{own}{number}{k}") not in names))
-    return names
 
 
 def _example_of_a_wire_place(tree: Tree, labels: Mapping[str, str]) -> dict[str, Any] | None:
@@ -265,7 +244,7 @@ def draft_network(source: Source) -> Draft:
     """
     topology = closed_loop_tree(Network(read_json(source.path)), source.path)
     rows = []
-    for bc, vessel in sorted(topology.vessel_of.items(), key=lambda entry: _natural(entry[0])):
+    for bc, vessel in sorted(topology.vessel_of.items(), key=lambda entry: natural_key(entry[0])):
         if topology.kind(bc) not in CORONARY:
             continue
         right = CORONARY[topology.kind(bc)]
