@@ -1,8 +1,9 @@
-"""Results that cannot be written are reported on one line."""
+"""Command lines: results that cannot be written, targets and options of `run`."""
 
 import pytest
 
-from coronaryuq.cli import main
+from coronaryuq.cli import main, run
+from coronaryuq.cli.snakemake_run import Command
 from coronaryuq.core.io.atomic import write_json
 
 
@@ -45,3 +46,34 @@ def test_a_misspelt_target_of_a_campaign_is_answered_with_what_was_meant(capsys)
     assert capsys.readouterr().err == (
         "error: command line: TARGET = 'figurs': unknown; did you mean figures? see README.md\n"
     )
+
+
+@pytest.mark.parametrize(
+    ("words", "targets", "more"),
+    [
+        ("smoke posterior --cores 2", ["posterior"], []),
+        ("smoke --cores 2 posterior figures", ["posterior", "figures"], []),
+        ("smoke report --cores 2 posterior", ["report", "posterior"], []),
+        ("smoke --cores 2 -- posterior", ["posterior"], []),
+        ("smoke --cores 2 -- posterior --keep-going", ["posterior"], ["--keep-going"]),
+        ("smoke posterior -- --until posterior", ["posterior"], ["--until", "posterior"]),
+        ("--cores 2 smoke posterior", ["posterior"], []),
+    ],
+)
+def test_targets_of_run_may_stand_where_those_of_snakemake_may(monkeypatch, words, targets, more):
+    given = []
+    monkeypatch.setattr(run, "run", lambda configuration, targets, **options: given.append((targets, options)) or 0)
+    assert main.main(["run", *words.split()]) == 0
+    ((found, options),) = given
+    assert found == targets and options["more"] == more
+
+
+def test_an_unknown_option_of_run_is_told(capsys):
+    with pytest.raises(SystemExit):
+        main.main(["run", "smoke", "posterior", "--corse", "2"])
+    assert "unrecognized arguments: --corse 2; did you mean --cores?" in capsys.readouterr().err
+
+
+def test_words_for_snakemake_follow_no_option_that_takes_them(tmp_path):
+    command = Command(tmp_path / "c.yaml", ["report"], "2", None, ["figures"])
+    assert command.words("--quiet", "all")[-5:] == ["--cores", "2", "figures", "--", "report"]

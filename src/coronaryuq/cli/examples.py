@@ -21,9 +21,9 @@ EXAMPLES: dict[str, list[tuple[str, str]]] = {
     "run": [
         ("coronaryuq run laptop", "the bundled patient, in results/laptop"),
         ("coronaryuq run config/smoke.yaml --dry-run", "show what would run"),
-        ("coronaryuq run smoke figures", "redraw the figures"),
+        ("coronaryuq run smoke figures --cores 2", "redraw the figures"),
         ("coronaryuq run paper --profile slurm", "on a cluster, with workflow/profiles/slurm"),
-        ("coronaryuq run smoke --dry-run -- --until posterior", "arguments after -- are passed to snakemake"),
+        ("coronaryuq run smoke --dry-run -- --until posterior", "options after -- are passed to snakemake"),
     ],
     "status": [("coronaryuq status results/smoke", "also while it runs, or after it was killed")],
     "compare": [

@@ -65,7 +65,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="replace")
     words = list(sys.argv[1:] if arguments is None else arguments)
     words, rest = _split(words)
-    options = _parser(words).parse_args(words, argparse.Namespace(rest=rest))
+    parser = _parser(words)
+    options, behind = parser.parse_known_args(words, argparse.Namespace(rest=rest))
+    if words[:1] == ["run"] and not any(word.startswith("-") for word in behind):
+        options.targets = [*options.targets, *behind]  # argparse takes the first group of positional arguments only
+    elif behind:
+        parser.error(f"unrecognized arguments: {' '.join(behind)}")
     try:
         return options.run(options)
     except InputError as error:

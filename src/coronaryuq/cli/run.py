@@ -40,15 +40,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace) -> int:
-    """Run a campaign and print its results and where its report is."""
+    """Run a campaign and print its results and where its report is.
+
+    After `--`, words before the first option of Snakemake's are targets, as behind a `--` of Snakemake's own.
+    """
+    first = next((k for k, word in enumerate(options.rest) if word.startswith("-")), len(options.rest))
     return run(
         shipped.configuration(options.config),
-        options.targets,
+        [*options.targets, *options.rest[:first]],
         cores=options.cores,
         profile=options.profile,
         dry_run=options.dry_run,
         verbose=options.verbose,
-        more=options.rest,
+        more=options.rest[first:],
     )
 
 

@@ -45,11 +45,11 @@ class Command:
     folder: Path | None = None
 
     def words(self, *options: str) -> list[str]:
-        """Return the words, with further options."""
-        words = [sys.executable, "-m", "snakemake", "--snakefile", str(shipped.snakefile())]
+        """Return the words, with further options; those of the user come last, after an option with one value."""
+        words = [sys.executable, "-m", "snakemake", "--snakefile", str(shipped.snakefile()), *options]
         words += ["--configfile", str(self.configuration), "--cores", self.cores]
         words += ["--workflow-profile", self.profile] if self.profile else []
-        return [*words, *options, *self.more, "--", *self.targets]
+        return [*words, *self.more, "--", *self.targets]
 
     def __str__(self) -> str:
         return shlex.join(["snakemake", *self.words()[3:]]).removesuffix(" --")
