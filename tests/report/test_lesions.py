@@ -65,7 +65,7 @@ def test_the_verdict_depends_on_the_whole_interval_of_what_lies_below_the_highes
 
 
 def test_the_conclusion_is_one_sentence_with_the_patients_range_and_the_probability(card):
-    told = card(zones=zones(0.93, 0.92, 0.94), quantiles=quantiles(0.66, 0.714, 0.81))["sentence"]
+    told = card(zones=zones(0.93, 0.91, 0.95), quantiles=quantiles(0.66, 0.714, 0.81))["sentence"]
     assert told == (
         "The LAD stenosis very likely limits blood flow: FFR is 0.71 (median), and 0.66 to 0.81 in 90 % of the states "
         "that fit the data; the probability of 0.80 or less is 93 %."
@@ -75,10 +75,20 @@ def test_the_conclusion_is_one_sentence_with_the_patients_range_and_the_probabil
 def test_every_zone_is_shown_and_a_narrow_interval_gets_a_decimal(card):
     narrow, wide = card(zones=zones(0.031, 0.027, 0.035))["zones"], card(zones=zones(0.02, -0.01, 0.11))["zones"]
     assert [zone["zone"] for zone in narrow] == ["FFR ≤ 0.75", "0.75 < FFR ≤ 0.80", "FFR > 0.80"]
-    shown = {"zone": "FFR > 0.80", "percent": 96.9, "value": "96.9 %", "low": "96.5 %", "high": "97.3 %"}
+    shown = {"zone": "FFR > 0.80", "percent": 96.9, "value": "96.9 %", "low": "96.5", "high": "97.3 %"}
     assert narrow[2] == shown
-    assert wide[2] == {"zone": "FFR > 0.80", "percent": 98.0, "value": "98 %", "low": "89 %", "high": "100 %"}
+    assert wide[2] == {"zone": "FFR > 0.80", "percent": 98.0, "value": "98 %", "low": "89", "high": "100 %"}
     assert sum(zone["percent"] for zone in narrow) == pytest.approx(100, abs=0.02)
+
+
+def test_what_rounds_to_nothing_is_said_to_be_below_a_number(card):
+    found = card(zones=zones(0.0002, 0.0, 0.029), quantiles=quantiles(0.84, 0.88, 0.9))
+    assert found["sentence"].endswith("the probability of 0.80 or less is below 1 %.")
+    assert [(zone["value"], zone["low"], zone["high"]) for zone in found["zones"]] == [
+        ("< 1 %", "0", "1 %"),
+        ("< 1 %", "0", "1 %"),
+        ("> 99 %", "97", "100 %"),
+    ]
 
 
 def test_only_inputs_whose_effect_differs_from_zero_are_named_as_drivers(card):

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators.design import Block, Design
@@ -25,13 +26,31 @@ def linear_trials() -> list[tuple[Design, np.ndarray, Predictions]]:
         rng = generator(5, "beyond", trial)
         x, more = rng.normal(size=(N, 2)), rng.normal(size=(M, 2))
         y = x[:, 0] + 0.5 * x[:, 1] + 0.25 * rng.normal(size=N)
-        runs = runs_of(np.exp(x), {"ffr_lad": y}, {"q": x[:, 0]}, np.exp(more))
-        index = [np.arange(k, M, FOLDS) for k in range(FOLDS)]
-        blocks = [Block(i, more[i], {"q": more[i, 0]}, 1) for i in index]
-        fold = assign(N, FOLDS, 5, "beyond", trial)
-        design = Design(runs, fold, blocks, {"q": x[:, 0]}, ["q"], {"q": 0.0}, False)
-        made.append((design, y, predict(design, ROW, simple=True)))
+        made.append(_predicted(x, y, more, ("beyond", trial)))
     return made
+
+
+@cache
+def onset_trials(share: float) -> list[tuple[Design, np.ndarray, Predictions]]:
+    """Y = log θ_1, less 10 in a `share` of the states, of which 0D shows nothing; linear control variates."""
+    made = []
+    for trial in range(TRIALS):
+        rng = generator(5, "onset", trial)
+        x, more = rng.normal(size=(N, 2)), rng.normal(size=(M, 2))
+        y = x[:, 0] - 10.0 * (x[:, 1] > ndtri(1 - share))
+        made.append(_predicted(x, y, more, ("onset", trial)))
+    return made
+
+
+def _predicted(x: np.ndarray, y: np.ndarray, more: np.ndarray, name: tuple) -> tuple[Design, np.ndarray, Predictions]:
+    """Return the design of a trial, its outputs, and their predictions; the 0D output is log θ_1."""
+    runs = runs_of(np.exp(x), {"ffr_lad": y}, {"q": x[:, 0]}, np.exp(more))
+    blocks = [
+        Block(index, more[index], {"q": more[index, 0]}, 1) for index in (np.arange(k, M, FOLDS) for k in range(FOLDS))
+    ]
+    fold = assign(N, FOLDS, 5, *name)
+    design = Design(runs, fold, blocks, {"q": x[:, 0]}, ["q"], {"q": 0.0}, False)
+    return design, y, predict(design, ROW, simple=True)
 
 
 def coverage(found, truth):

@@ -7,7 +7,8 @@ import numpy as np
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.errors import InputError
-from coronaryuq.estimation.results import RowReport, read_estimates
+from coronaryuq.estimation.results import Probability, RowReport, read_estimates
+from coronaryuq.report.quantities import Percent
 
 ESTIMATES = "estimation/estimates.json"
 CASE = "case/case.json"
@@ -17,8 +18,9 @@ CASE = "case/case.json"
 class Answer:
     """FFR of one lesion.
 
-    median, low, high: of the patient, 90 % range. limit: of the highest zone; below: probability of FFR up to it. mean,
-    std: of FFR, with its standard error. runs: 3D runs. The first five are None where they were not estimated.
+    median, low, high: of the patient, 90 % range. limit: of the highest zone; below: probability of FFR up to it, in
+    words, with its interval. mean, std: of FFR, with its standard error. runs: 3D runs. The first five are None where
+    they were not estimated.
     """
 
     lesion: str
@@ -26,7 +28,7 @@ class Answer:
     low: float | None
     high: float | None
     limit: float | None
-    below: float | None
+    below: str | None
     mean: float
     std: float
     runs: int
@@ -34,7 +36,7 @@ class Answer:
     def __str__(self) -> str:
         if self.median is None:
             return f"{self.lesion}: mean FFR {self.mean:.3f} ± {self.std:.3f}"
-        chance = "" if self.below is None else f", P(FFR ≤ {self.limit:.2f}) {100 * self.below:.0f} %"
+        chance = "" if self.below is None else f", P(FFR ≤ {self.limit:.2f}) {self.below}"
         return f"{self.lesion}: FFR {self.median:.2f} ({self.low:.2f} to {self.high:.2f} in 90 % of states){chance}"
 
 
@@ -52,17 +54,21 @@ def answers(home: str | Path) -> list[Answer]:
     rows = read_estimates(home / ESTIMATES).rows
     names = [stenosis.name for stenosis in read_case(home / CASE).stenoses]
     of_lesion = {name: [row for row in rows if row.column_3d == f"ffr_{name.lower()}"] for name in names}
-    return [_answer(name, found) for name, found in of_lesion.items() if found]
+    return [_answer(name, found, Percent(rows)) for name, found in of_lesion.items() if found]
 
 
-def _answer(lesion: str, rows: list[RowReport]) -> Answer:
+def _answer(lesion: str, rows: list[RowReport], percent: Percent) -> Answer:
     row = min(rows, key=lambda row: row.recommended_report.std)
     estimate, beyond = row.recommended_report, row.beyond_the_mean
     quantiles, zones = beyond.quantiles or {}, beyond.zones or []
     known = {"0.05", "0.50", "0.95"} <= set(quantiles)
     median, low, high = (quantiles[q].value if known else None for q in ("0.50", "0.05", "0.95"))
-    limit, below = (zones[-1].above, zones[-1].complement.value) if zones else (None, None)
+    limit, below = (zones[-1].above, _chance(zones[-1].complement, percent)) if zones else (None, None)
     return Answer(lesion, median, low, high, limit, below, estimate.mean, estimate.std, estimate.n_3d)
+
+
+def _chance(below: Probability, percent: Percent) -> str:
+    return f"{percent(below)} ({percent.end(below.low).removesuffix(' %')} to {percent.end(below.high)})"
 
 
 def compare(one: str | Path, other: str | Path) -> list[str]:

@@ -1,6 +1,8 @@
 """Results of searches for missing effects: a section of the report, and a separate page."""
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from itertools import count
 from pathlib import Path
 
 import yaml
@@ -90,13 +92,16 @@ def case_of(path: str | Path) -> str:
     return Path(path).parts[-3]
 
 
-def searches(answers: Sequence[str], figures: Sequence[str], truths: Sequence[str] = ()) -> list[dict]:
-    """Return each case in the form for the templates; for the parameters see `write_page`."""
+def searches(
+    answers: Sequence[str], figures: Sequence[str], truths: Sequence[str] = (), *, first_figure: int = 1
+) -> list[dict]:
+    """Return each case in the form for the templates; figures are numbered on from the first, see `write_page`."""
 
     def of_case(files, path):
         return [file for file in files if case_of(file) == case_of(path)]
 
-    return [_search(path, of_case(figures, path), of_case(truths, path)) for path in answers]
+    numbers = count(first_figure)
+    return [_search(path, of_case(figures, path), of_case(truths, path), numbers) for path in answers]
 
 
 def title(found: Sequence[dict]) -> str:
@@ -104,7 +109,7 @@ def title(found: Sequence[dict]) -> str:
     return "Self-test of the search" if found and all(search["invented"] for search in found) else "Missing effects"
 
 
-def _search(path: str, figures: list[str], truths: list[str]) -> dict:
+def _search(path: str, figures: list[str], truths: list[str], numbers: Iterator[int]) -> dict:
     answer = read_json(path)
     pairs, truth_files = "gap_unit" in answer, {Path(file).stem: file for file in truths}
     order = {name: number for number, name in enumerate(CAPTIONS)}
@@ -121,7 +126,13 @@ def _search(path: str, figures: list[str], truths: list[str]) -> dict:
             else _gaps(answer, read_json(truth_files["gap"]) if "gap" in truth_files else None)
         ),
         "figures": [
-            {"caption": CAPTIONS[Path(f).stem], "data": data_url(f)}
+            {
+                "number": next(numbers),
+                "anchor": f"fig-{re.sub(r'[^A-Za-z0-9]+', '-', case_of(path))}-{Path(f).stem}",
+                "caption": CAPTIONS[Path(f).stem],
+                "data": data_url(f),
+                "file": Path(f).name,
+            }
             for f in sorted(figures, key=lambda f: order[Path(f).stem])
         ],
     }

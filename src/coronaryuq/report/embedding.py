@@ -3,12 +3,15 @@
 import base64
 import re
 from collections.abc import Mapping, Sequence
+from itertools import count
 from pathlib import Path
 
 from markupsafe import Markup, escape
 
 from coronaryuq.report.captions import CAPTIONS, SECTIONS
 
+FIRST = 2
+"""Number of the first of these figures; the tree in 3D is Figure 1."""
 RENDERED = ("pictures",)
 """Sections whose figures are renderings."""
 KINDS = {".png": "image/png", ".svg": "image/svg+xml"}
@@ -20,7 +23,9 @@ def data_url(path: str | Path, kind: str | None = None) -> str:
     return f"data:{kind or KINDS[Path(path).suffix]};base64,{content}"
 
 
-def figures_of_sections(paths: Sequence[str], alternatives: Mapping[str, str]) -> dict[str, list[dict]]:
+def figures_of_sections(
+    paths: Sequence[str], alternatives: Mapping[str, str], others: Mapping[str, int]
+) -> dict[str, list[dict]]:
     """Return the figures of each section of the page: `name`, `number`, `caption`, `alt`, `data`, `file`.
 
     Numbers run through the page from 2, because the tree in 3D is the first.
@@ -31,8 +36,10 @@ def figures_of_sections(paths: Sequence[str], alternatives: Mapping[str, str]) -
         PNG and SVG files. Of a figure in both formats the page has the drawing, SVG; of a rendering the image.
     alternatives
         What the data of a figure say, by its name; a figure without such a text has its caption.
+    others
+        Number of other figures that follow those of a section, by its name.
     """
-    numbers, sections = iter(range(2, 2 + len(CAPTIONS))), {}
+    numbers, sections = count(FIRST), {}
     for section, names in SECTIONS.items():
         kinds = sorted(KINDS, reverse=section in RENDERED)
         by_name = {Path(path).stem: path for kind in kinds for path in paths if Path(path).suffix == kind}
@@ -44,6 +51,8 @@ def figures_of_sections(paths: Sequence[str], alternatives: Mapping[str, str]) -
             }
             for name in names if name in by_name
         ]  # fmt: skip
+        for _ in range(others.get(section, 0)):
+            next(numbers)
     return sections
 
 

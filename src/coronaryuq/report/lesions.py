@@ -12,7 +12,7 @@ from coronaryuq.figures.style import colour
 from coronaryuq.report.change import verdict_of, what_would_change
 from coronaryuq.report.error_budget import error_budget
 from coronaryuq.report.mesh_error import MeshError
-from coronaryuq.report.quantities import FFR, KINDS, Digits, constant
+from coronaryuq.report.quantities import FFR, KINDS, Digits, Percent, constant
 
 ADVISED_MM = (10, 20)
 """Distance beyond a lesion at which experts advise to read FFR from CT."""
@@ -54,16 +54,17 @@ def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
     beyond, digits = ffr_row.beyond_the_mean, Digits(ffr_row.column_3d, rows)
     zones, quantiles = beyond.zones or [], beyond.quantiles or {}
     patient, verdict = _patient(quantiles), _verdict(name, zones)
+    percent = Percent(rows)
     estimate, drivers = ffr_row.recommended_report, _drivers(beyond.shapley or {}, lesion.inputs)
     return {
         "name": name,
         "colour": colour(lesion.stenosis.artery),
         "patient": patient,
         "rare": _rare(quantiles),
-        "zones": [_probability(zone) for zone in zones],
+        "zones": [_probability(zone, percent) for zone in zones],
         "limit": _limit(zones),
         **verdict,
-        "sentence": _sentence(verdict["verdict"], patient, zones),
+        "sentence": _sentence(verdict["verdict"], patient, zones, percent),
         "reading": _reading(lesion),
         "change": what_would_change(ffr_row, zones, next(iter(drivers), None)),
         "open": verdict["class"] == "warn",
@@ -140,11 +141,10 @@ def _drivers(effects: Mapping[str, Value], inputs: Mapping[str, str], shown: int
     return [{"name": inputs.get(name, name), "share": f"{100 * effect.value:.0f} %"} for name, effect in largest]
 
 
-def _probability(probability: Probability) -> dict:
-    share = {name: 100 * min(max(getattr(probability, name), 0.0), 1.0) for name in ("value", "low", "high")}
-    decimals = 1 if share["high"] - share["low"] < 2 else 0
-    words = {name: f"{value:.{decimals}f} %" for name, value in share.items()}
-    return {"zone": probability.zone, "percent": round(share["value"], 2), **words}
+def _probability(probability: Probability, percent: Percent) -> dict:
+    share = round(100 * min(max(probability.value, 0.0), 1.0), 2)
+    low, high = percent.end(probability.low).removesuffix(" %"), percent.end(probability.high)
+    return {"zone": probability.zone, "percent": share, "value": percent(probability), "low": low, "high": high}
 
 
 def _limit(zones: Sequence[Probability]) -> float | None:
@@ -165,7 +165,7 @@ def _verdict(name: str, zones: Sequence[Probability]) -> dict:
     return {"class": "warn", "badge": "open", "verdict": f"Whether the {name} stenosis limits blood flow remains open"}
 
 
-def _sentence(verdict: str, patient: dict, zones: Sequence[Probability]) -> str:
+def _sentence(verdict: str, patient: dict, zones: Sequence[Probability], percent: Percent) -> str:
     """Return the conclusion in one sentence of plain words."""
     if not patient:
         return f"{verdict}: no distribution over the states that fit the data was estimated."
@@ -173,12 +173,10 @@ def _sentence(verdict: str, patient: dict, zones: Sequence[Probability]) -> str:
         f"FFR is {patient['median']} (median), and {patient['low']} to {patient['high']} in 90 % of the states that "
         "fit the data"
     )
-    chance = f"; the probability of {_limit(zones):.2f} or less is {_below(zones)}" if zones else ""
-    return f"{verdict}: {ffr}{chance}."
-
-
-def _below(zones: Sequence[Probability]) -> str:
-    return _probability(zones[-1].complement)["value"]
+    if not zones:
+        return f"{verdict}: {ffr}."
+    chance = percent.in_words(zones[-1].complement)
+    return f"{verdict}: {ffr}; the probability of {_limit(zones):.2f} or less is {chance}."
 
 
 def _reading(lesion: Lesion) -> dict:

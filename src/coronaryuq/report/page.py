@@ -20,7 +20,7 @@ from coronaryuq.posterior.results import Summary, read_summary
 from coronaryuq.report import adoption, coarse_level, discrepancy, interval_targets, losses, methods, predicted, tree
 from coronaryuq.report.alt_texts import alternatives
 from coronaryuq.report.costs import costs
-from coronaryuq.report.embedding import data_url, figures_of_sections, unbroken
+from coronaryuq.report.embedding import FIRST, data_url, figures_of_sections, unbroken
 from coronaryuq.report.error_budget import includes
 from coronaryuq.report.lesions import Lesion, lesion_card
 from coronaryuq.report.mesh_error import MeshError
@@ -72,6 +72,10 @@ def write_report(
     counts = _counts(failures, rows, estimates.settings["curve_nodes"], summary.model_runs)
     inputs = _input_names(case) | adoption.labels(files)
     lesions = [Lesion(one, inputs, mesh, _beyond(one, mesh_json), _past(one, mesh_json)) for one in case.stenoses]
+    texts = alternatives(rows, lowest, summary, _names(case, rows))
+    drawn = figures_of_sections(figures, texts, others={"fit": len(searches[1])})
+    # Searches come after the fit to the data.
+    found = discrepancy.searches(*searches, first_figure=FIRST + len(drawn["pictures"]) + len(drawn["fit"]))
     context = {
         "case": case,
         "dominance": case.dominance and WORDS[case.dominance],
@@ -100,8 +104,8 @@ def write_report(
         "chains": _chains(summary, configuration["posterior"]),
         "losses": losses.learnt(files, [stenosis.name for stenosis in case.stenoses], readings.names),
         "noise": _noise(targets),
-        "figures": figures_of_sections(figures, alternatives(rows, lowest, summary, _names(case, rows))),
-        "searches": (found := discrepancy.searches(*searches)),
+        "figures": drawn,
+        "searches": found,
         "searches_title": discrepancy.title(found),
         "adoption": adoption.adopted(files, invented=bool(found) and all(one["invented"] for one in found)),
         "failed": _failed(failures),

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.estimation.results import RowReport
+from coronaryuq.estimation.results import RowReport, Value
 
 FFR = "ffr_"
 FFR_DECIMALS = 3
 """Digits of a mean of FFR. A pressure wire has two; the third shows how close the mean is to the threshold."""
 MOST_DECIMALS = 4
+NARROW = 0.02
+"""Width of an interval of a probability below which it is shown with a decimal of its per cent."""
 ROUNDING = 1e-12
 """Relative standard error of a quantity that is the same in all runs, at most."""
 
@@ -83,3 +85,36 @@ def constant(row: RowReport) -> bool:
     """Return whether the quantity is the same in all runs, so that its interval has no width."""
     report = row.recommended_report
     return report.std <= ROUNDING * abs(report.mean) or report.std == 0
+
+
+class Percent:
+    """Formats probabilities, all with the same decimals: one if every interval is narrow, none otherwise.
+
+    What would round to 0 or 100 % without being certain is said to be below or above a number.
+
+    Parameters
+    ----------
+    rows
+        All rows of `estimates.json`.
+    """
+
+    def __init__(self, rows: Sequence[RowReport]):
+        zones = [zone for row in rows for zone in row.beyond_the_mean.zones or []]
+        self.decimals = 1 if max((zone.high - zone.low for zone in zones), default=0.0) < NARROW else 0
+
+    def end(self, share: float) -> str:
+        """Format one end of an interval, or a width."""
+        return f"{100 * min(max(share, 0.0), 1.0):.{self.decimals}f} %"
+
+    def __call__(self, probability: Value) -> str:
+        """Format a probability."""
+        least = 0.01 / 10**self.decimals
+        if probability.value < least / 2 and probability.high > 0:
+            return f"< {self.end(least)}"
+        if probability.value > 1 - least / 2 and probability.low < 1:
+            return f"> {self.end(1 - least)}"
+        return self.end(probability.value)
+
+    def in_words(self, probability: Value) -> str:
+        """Format a probability for a sentence."""
+        return self(probability).replace("<", "below").replace(">", "above")

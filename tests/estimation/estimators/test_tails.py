@@ -8,10 +8,11 @@ from coronaryuq.bench.estimation.problems import ROW as ANY
 from coronaryuq.bench.estimation.problems import Trial, as_design
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators import tails
+from coronaryuq.estimation.estimators.dependence import Dependence, Segments
 from coronaryuq.estimation.estimators.folds import assign
 from coronaryuq.estimation.estimators.per_row import predict
 from coronaryuq.estimation.surrogates.control_variates import Seen
-from support.linear_trials import VARIANCE, check, coverage, linear_trials
+from support.linear_trials import VARIANCE, N, check, coverage, linear_trials, onset_trials
 
 pytestmark = pytest.mark.slow
 
@@ -19,6 +20,42 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize("at", [0.0, -1.5])
 def test_probabilities_hold_their_claims(at):
     check([tails.probability(d, y, p, at) for d, y, p in linear_trials()], norm.cdf(at / np.sqrt(VARIANCE)))
+
+
+def holds_its_level(found, truth):
+    """At most three binomial standard errors below 95 %: an interval that reaches to what was missed may cover more."""
+    return coverage(found, truth) >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / len(found))
+
+
+@pytest.mark.parametrize("share", [1e-4, 0.001, 0.999, 0.9999])
+def test_probabilities_near_zero_and_one_hold_their_claims(share):
+    """Few runs or none lie on the far side of the limit, and most samples' predictions say that none does."""
+    at = norm.ppf(share) * np.sqrt(VARIANCE)
+    found = [tails.probability(d, y, p, at) for d, y, p in linear_trials()]
+    assert holds_its_level(found, share)
+
+
+def test_an_event_that_no_prediction_shows_and_hardly_a_run_is_within_the_interval():
+    """In 2 % of the states y falls far below the limit; the control variate knows nothing of it."""
+    trials = onset_trials(0.02)
+    found = [tails.probability(d, y, p, -5.0) for d, y, p in trials]
+    assert holds_its_level(found, 0.02)
+    assert all(value.std > 0.005 for value in found)
+
+
+def test_the_interval_of_what_no_run_has_shown_follows_the_rule_of_three():
+    for design, y, predictions in linear_trials()[:5]:
+        none, all_of_them = tails.zones(design, y, predictions, (-8.0,))
+        assert none.low == 0 and none.high == pytest.approx(3 / N, rel=0.002)
+        assert all_of_them.high == 1 and all_of_them.low == pytest.approx(1 - none.high, abs=1e-12)
+        assert all_of_them.complement.high == pytest.approx(none.high, abs=1e-12)
+
+
+def test_dependent_runs_count_as_fewer():
+    twice = Segments(np.arange(60) // 2, np.arange(60) // 2)
+    assert Dependence().effective(60) == pytest.approx(60)
+    assert Dependence(pilot=twice).effective(60) == pytest.approx(30)
+    assert Dependence(ratio=1 / 60, shared=True).effective(60) == pytest.approx(30)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.95])

@@ -85,6 +85,11 @@ class Dependence:
         rest = 1 - self.part
         return ((1 - beta * rest) ** 2 + beta**2 * rest * self.part) / self.part
 
+    def effective(self, n: int) -> float:
+        """Return the number of independent runs that say as much as the n pilot runs."""
+        distinct = n if self.pilot is None else len(np.unique(self.pilot.long))
+        return 1 / (1 / distinct + (self.ratio if self.shared else 0.0))
+
 
 INDEPENDENT = Dependence()
 

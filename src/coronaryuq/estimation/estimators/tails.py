@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.special import ndtr, ndtri
+from scipy.stats import chi2
 
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Options, combine, propagation_variance
 from coronaryuq.estimation.estimators.design import Design
@@ -22,6 +23,8 @@ TAIL_RUNS = 10
 # Expected runs on another side of a threshold than predicted from which they correct the predictions: there
 # sqrt(D) / n, what the correction costs, is as large as the bound of what it corrects, some D / (0.56 n).
 DISAGREEMENTS, PRIOR = 1 / 3, 5
+# Runs expected in a zone among those that lie there, from which they confirm the predictions: half a run.
+CONFIRMED = 0.5
 # Propagation samples per fold at which the predictive variance is computed, and the fraction of them near a threshold.
 SAMPLES, NEAR = 200, 0.05
 # A distribution function is inverted at so many places, in rounds around the result of the round before, until the
@@ -48,8 +51,7 @@ def probability(
         Of the interval.
     """
     found = _probability(design, y, predictions, _sorted_variances(predictions), (-np.inf, threshold), level)
-    value = float(np.clip(found.value, 0, 1))
-    return Value(value, found.std, max(0.0, value - found.half), min(1.0, value + found.half), level)
+    return _bounded(float(np.clip(found.value, 0, 1)), found, level)
 
 
 def zones(
@@ -67,8 +69,7 @@ def zones(
     reached = np.maximum.accumulate([np.clip(share(-np.inf, limit).value, 0, 1) for limit in limits])
     values, found = np.diff([0.0, *reached, 1.0]), []
     for value, (above, at_most) in zip(values.tolist(), pairwise((-np.inf, *limits, np.inf)), strict=True):
-        part = share(above, at_most)
-        probability = Value(value, part.std, max(0.0, value - part.half), min(1.0, value + part.half), level)
+        probability = _bounded(value, share(above, at_most), level)
         found.append(Probability(**asdict(probability), above=_finite(above), at_most=_finite(at_most)))
     return found
 
@@ -165,9 +166,53 @@ class _Limit:
 
 @dataclass(frozen=True)
 class _Share:
+    """A probability, its standard error and half of its interval's width.
+
+    unseen: what the interval reaches to at least, see `_unseen`; 0 and 1 where the runs confirm the predictions.
+    """
+
     value: float
     std: float
     half: float
+    unseen: tuple[float, float]
+
+
+def _bounded(value: float, found: _Share, level: float) -> Value:
+    """Return a probability with its interval, from 0 to 1 at most, and at least to what the runs may have missed."""
+    low, high, std = value - found.half, value + found.half, found.std
+    if low > found.unseen[1] or high < found.unseen[0]:
+        low, high = max(0.0, min(low, found.unseen[1])), min(1.0, max(high, found.unseen[0]))
+        std = max(std, (high - low) / (2 * _normal(level)))
+    return Value(value, std, max(0.0, low), min(1.0, high), level)
+
+
+def _unseen(design: Design, inside: np.ndarray, held: np.ndarray, level: float) -> tuple[float, float]:
+    """Return the least upper and the largest lower end of a zone's interval.
+
+    Where the runs that lie in the zone were not expected there, CONFIRMED of one together at least, only predictions
+    that no run confirms tell how far its probability is from zero. Then the interval reaches to the upper Poisson limit
+    of the runs that do lie there; of none, that is the rule of three, −log(1 − level) / n. Likewise for one, with the
+    runs outside.
+
+    Parameters
+    ----------
+    design
+        Dependence of the runs.
+    inside
+        Whether each run (n,) lies in the zone.
+    held
+        Its predicted probability (n,) to lie there.
+    level
+        Of the interval.
+    """
+    runs = design.dependence.effective(len(inside)) / len(inside)
+
+    def most(found: np.ndarray, predicted: np.ndarray) -> float:
+        if predicted[found].sum() >= CONFIRMED:
+            return 0.0
+        return min(1.0, float(chi2.ppf(level, 2 * (runs * found.sum() + 1)) / 2) / (runs * len(found)))
+
+    return most(inside, held), 1 - most(~inside, 1 - held)
 
 
 def _probability(
@@ -200,13 +245,16 @@ def _probability(
         return float(np.average(means, weights=runs))
 
     unsure = over_folds([h * (1 - h) for h in shares])
+    lies, held = (zone[0] < y) & (y <= zone[1]), inside(predictions.held, design.fold)
+    unseen = _unseen(design, lies, held, level)
     if len(y) * unsure < DISAGREEMENTS:
         same_way = [
             over_folds([limit.density(v, k) for k, v in enumerate(predictions.raw)]) for limit in (above, at_most)
         ]
         propagation = 0.0 if design.target else propagation_variance(blocks, runs / len(y))
         std = float((propagation + np.sum(np.square(same_way))) ** 0.5)
-        return _Share(float(np.average([b.mean for b in blocks], weights=runs)), std, _normal(level) * std)
+        value = float(np.average([b.mean for b in blocks], weights=runs))
+        return _Share(value, std, _normal(level) * std, unseen)
     steep = [slope(v, k) for k, v in enumerate(predictions.raw)]
     between = replace(predictions.between(slope(predictions.held, design.fold), steep), extrapolation_factor=1.0)
     # The variance of few disagreements is less certain than the predictions' own, which counts as PRIOR of them.
@@ -214,10 +262,8 @@ def _probability(
         level, between=between, expected=unsure / len(y), trust=float(PRIOR / (PRIOR + len(y) * unsure)),
         target=design.target,
     )  # fmt: skip
-    indicator = ((zone[0] < y) & (y <= zone[1])).astype(float)
-    held = inside(predictions.held, design.fold)
-    found = combine("", CrossFit(indicator, held, blocks, design.fold, design.dependence), len(y), options)
-    return _Share(found.mean, found.std, found.interval.half_width)
+    found = combine("", CrossFit(lies.astype(float), held, blocks, design.fold, design.dependence), len(y), options)
+    return _Share(found.mean, found.std, found.interval.half_width, unseen)
 
 
 def _finite(limit: float) -> float | None:
