@@ -3,11 +3,13 @@
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from coronaryuq.cli.check import check, draw_check
 from coronaryuq.core.errors import InputError
 from coronaryuq.figures import case_picture as drawn
+from coronaryuq.figures.label_places import place_labels
 from support.case_files import small_tree, write_case
 
 
@@ -22,7 +24,7 @@ def shown(monkeypatch):
         with original(output, **subplots) as (figure, axes):
             yield figure, axes
             texts.extend(text.get_text() for text in axes.texts)
-            legend = axes.get_legend()
+            (legend,) = figure.legends
             texts.extend([*(text.get_text() for text in legend.get_texts()), legend.get_title().get_text()])
 
     monkeypatch.setattr(drawn, "saved", saved)
@@ -32,7 +34,7 @@ def shown(monkeypatch):
 def test_ends_stenoses_territories_and_scale_are_drawn(tmp_path, shown):
     found = check(write_case(tmp_path, small_tree()))
     assert draw_check(found, None) == [f"picture: {tmp_path / 'case.check.png'}"]
-    assert {"lca1", "lca2", "rca1", "aorta_outlet", "5 cm", "LAD", "LCx", "RCA", "aorta", "stenosis"} <= set(shown)
+    assert {"lca1", "lca2", "rca1", "aorta_outlet", "2 cm", "LAD", "LCx", "RCA", "aorta", "stenosis"} <= set(shown)
     assert any(text.startswith("LAD stenosis, ") for text in shown)
     assert "read in cm; territories: nearest outlet" in shown
     assert (tmp_path / "case.check.png").read_bytes()[:4] == b"\x89PNG"
@@ -80,3 +82,22 @@ def test_the_same_case_gives_the_same_bytes(tmp_path):
     for name in ("a.png", "b.png"):
         draw_check(found, str(tmp_path / name))
     assert Path(tmp_path / "a.png").read_bytes() == Path(tmp_path / "b.png").read_bytes()
+
+
+def test_the_place_where_ffr_is_read_is_drawn(tmp_path, shown):
+    draw_check(check(write_case(tmp_path, small_tree())), None)
+    assert "FFR is read" in shown
+    assert any(text.startswith("LAD stenosis, ") and text.endswith("\nFFR 15 mm beyond it") for text in shown)
+    shown.clear()
+    draw_check(check(write_case(tmp_path, small_tree(), ffr_beyond_mm="null")), None)
+    assert "FFR is read" not in shown and not any("beyond" in text for text in shown)
+
+
+def test_labels_cover_neither_one_another_nor_lines():
+    line = np.stack([np.linspace(0, 10, 101), np.zeros(101)], axis=1)
+    points = np.array([[2.0, 0.0], [2.2, 0.0], [5.0, 0.0], [9.9, 0.0]])
+    boxes = place_labels(points, [(2.0, 0.3)] * 4, line, 10.0)
+    for k, box in enumerate(boxes):
+        assert not box.covers(line).any()
+        assert not any(box.meets(other) for other in boxes[:k])
+        assert np.linalg.norm(box.anchor - points[k]) < 1.5

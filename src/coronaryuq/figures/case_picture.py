@@ -9,18 +9,23 @@ from scipy.spatial import cKDTree
 
 from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel, area_ratio
 from coronaryuq.case.sketch import EndRole, Sketch
+from coronaryuq.figures.label_places import Box, place_labels
 from coronaryuq.figures.style import DARK, Output, colour, saved
 
 MOST_CELLS = 4000
 """Cells of the wall that are drawn."""
 SCALE_BARS = (0.5, 1.0, 2.0, 5.0)
 """cm."""
-UNKNOWN, STENOSIS, WIRE = "#CC79A7", "#F0E442", "#7B3294"
-"""Of ends without a row, of stenoses and of a pressure wire's places; no artery has them."""
-WIDTH = 7.5
-"""Inches."""
-LETTER = 0.0135
-"""Width of a letter of a label, over the extent of the tree."""
+UNKNOWN, STENOSIS, WIRE, READ = "#CC79A7", "#F0E442", "#7B3294", "#E0218A"
+"""Of ends without a row, of stenoses, of a pressure wire's places, of places where FFR is read; no artery has them."""
+RING = {"marker": "o", "ls": "none", "ms": 7, "mfc": "none", "mec": READ, "mew": 1.6, "zorder": 6}
+DIAMOND = {"marker": "D", "ls": "none", "color": WIRE, "ms": 6, "mec": "white", "mew": 0.8, "zorder": 6}
+WIDTH, KEY = 7.5, 0.9
+"""Inches: width of the figure, and height of scale bar and legend."""
+LETTER, LINE = 0.056, 0.125
+"""Inches: width of a letter and height of a line of a label."""
+SPACING = 0.01
+"""Of the points along vessels that labels shall not cover, over the extent of the tree."""
 
 
 def case_picture(sketch: Sketch, output: Output) -> None:
@@ -37,31 +42,30 @@ def case_picture(sketch: Sketch, output: Output) -> None:
     assert tree is not None
     roles = sketch.roles()
     flat = _plane(tree)
-    wide, high = np.ptp(np.concatenate([flat(v.points) for v in tree]), axis=0)
-    size = (WIDTH, float(np.clip(WIDTH * high / wide + 0.8, 0.4 * WIDTH, 1.2 * WIDTH)))
-    with saved(output, figsize=size) as (_, axes):
+    places = _places(sketch, tree, roles)
+    rings = [tree[s.vessel].position_at(s.read.arc)[None] for s in sketch.stenoses if s.read is not None]
+    boxes, low, high = _layout(places, rings, tree, flat)
+    size = (WIDTH, float(np.clip(WIDTH * (high - low)[1] / (high - low)[0] + KEY, 0.4 * WIDTH, 1.3 * WIDTH)))
+    with saved(output, figsize=size) as (figure, axes):
         if sketch.wall is not None:
             _territories(axes, sketch, flat)
         for vessel in tree:
             _vessel(axes, vessel, flat)
-        places = [_Place(role.vessel.points[-1], *_words(role)) for role in roles]
         for stenosis in sketch.stenoses:
             part = tree[stenosis.vessel].between(stenosis.start, stenosis.end)
             for ink, lw in ((DARK, 6.0), (STENOSIS, 3.5)):
                 axes.plot(*flat(part.points).T, color=ink, lw=lw, solid_capstyle="butt", zorder=4)
-            text = f"{stenosis.name} stenosis, {1 - area_ratio(tree, stenosis):.0%} of the area"
-            places.append(_Place(part.position_at(part.length / 2), text, DARK, False))
+        for ring in rings:
+            axes.plot(*flat(ring)[0], **RING)
         for place in sketch.wire_places:
-            point = tree[place.vessel].position_at(place.arc)
-            axes.plot(*flat(point)[0], "D", color=WIRE, ms=6, mec="white", mew=0.8, zorder=6)
-            measured = "" if place.measured is None else f", measured {place.measured:.2f}"
-            places.append(_Place(point, f"FFR at {place.name}{measured}", WIRE, False))
-        _label(axes, places, flat, max(wide, high))
+            axes.plot(*flat(tree[place.vessel].position_at(place.arc))[0], **DIAMOND)
+        _label(axes, places, boxes, flat)
         axes.set_aspect("equal")
         axes.axis("off")
-        axes.margins(0.08)
+        axes.update_datalim([low, high])
+        axes.margins(0.02)
         _scale_bar(axes)
-        _legend(axes, tree, roles, sketch)
+        _legend(figure, axes, tree, roles, sketch)
 
 
 @dataclass(frozen=True)
@@ -108,27 +112,63 @@ def _vessel(axes, vessel: Vessel, flat) -> None:
     axes.update_datalim(line)
 
 
-def _label(axes, places: Sequence[_Place], flat, span: float) -> None:
-    """Write labels outwards from the middle, each moved until it covers no earlier one."""
-    centre = flat(np.mean([place.point for place in places], axis=0))[0]
-    taken: list[tuple[float, float, float]] = []
-    for place in places:
+def _places(sketch: Sketch, tree: Tree, roles: Sequence[EndRole]) -> list[_Place]:
+    """Return what is labelled: ends, stenoses and places of a pressure wire."""
+    places = [_Place(role.vessel.points[-1], *_words(role)) for role in roles]
+    for stenosis in sketch.stenoses:
+        text = f"{stenosis.name} stenosis, {1 - area_ratio(tree, stenosis):.0%} of the area"
+        if stenosis.read is not None:
+            text += f"\nFFR {10 * (stenosis.read.arc - stenosis.end):.0f} mm beyond it"
+        middle = tree[stenosis.vessel].position_at((stenosis.start + stenosis.end) / 2)
+        places.append(_Place(middle, text, DARK, False))
+    for place in sketch.wire_places:
+        measured = "" if place.measured is None else f", measured {place.measured:.2f}"
+        point = tree[place.vessel].position_at(place.arc)
+        places.append(_Place(point, f"FFR at {place.name}{measured}", WIRE, False))
+    return places
+
+
+def _layout(
+    places: Sequence[_Place], rings: Sequence[np.ndarray], tree: Tree, flat
+) -> tuple[list[Box], np.ndarray, np.ndarray]:
+    """Return the labels' boxes, and the lower left and upper right corner of all that is drawn.
+
+    The size of letters in cm follows from the extent with labels, which follows from it: the second pass knows it.
+    """
+    lines = [flat(vessel.points) for vessel in tree]
+    extent = np.concatenate(lines)
+    low, high = extent.min(axis=0), extent.max(axis=0)
+    span = float((high - low).max())
+    spacing = SPACING * span
+    drawn = [vessel.position_at(np.arange(0.0, vessel.length + spacing, spacing)) for vessel in tree]
+    points, along = flat(np.array([place.point for place in places])), flat(np.concatenate([*drawn, *rings]))
+    boxes: list[Box] = []
+    for _ in range(2):
+        inch = max((high - low)[0] / (0.96 * WIDTH), (high - low)[1] / (1.3 * WIDTH - KEY))
+        sizes = [_size(place.text, inch) for place in places]
+        boxes = place_labels(points, sizes, along, span)
+        corners = np.concatenate([extent, *(box.corners for box in boxes)])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+    return boxes, low, high
+
+
+def _size(text: str, inch: float) -> tuple[float, float]:
+    """Return width and height of a label, cm; inch: cm of the drawing per inch of the figure."""
+    words = text.split("\n")
+    return LETTER * inch * max(map(len, words)), (LINE * len(words) + 0.03) * inch
+
+
+def _label(axes, places: Sequence[_Place], boxes: Sequence[Box], flat) -> None:
+    """Mark ends by dots and write the labels beside their points."""
+    for place, box in zip(places, boxes, strict=True):
         at = flat(place.point)[0]
         if place.dot:
             axes.plot(*at, "o", color=place.ink, ms=5, mec="white", mew=0.6, zorder=5)
-        outwards = (at - centre) / max(float(np.linalg.norm(at - centre)), 1e-9)
-        label, length = at + 0.035 * span * outwards, LETTER * span * len(place.text)
-        right = outwards[0] >= 0
-        left = at[0] + 0.035 * span * outwards[0] - (0.0 if right else length)
-        while any(abs(label[1] - y) < 0.03 * span and left < x + w and x < left + length for x, y, w in taken):
-            label = label + [0.0, 0.01 * span * (1.0 if outwards[1] >= 0 else -1.0)]
-        taken.append((left, label[1], length))
         axes.annotate(
-            place.text, at, xytext=label, textcoords="data", ha="left" if right else "right", va="center", fontsize=7,
-            color=place.ink, zorder=6, arrowprops={"arrowstyle": "-", "color": place.ink, "lw": 0.5},
+            place.text, at, xytext=box.anchor, textcoords="data", ha="left" if box.right else "right", va="center",
+            fontsize=7, color=place.ink, zorder=6, arrowprops={"arrowstyle": "-", "color": place.ink, "lw": 0.5},
             bbox={"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6},
         )  # fmt: skip
-        axes.update_datalim([label, label + [length if right else -length, 0.0]])
 
 
 def _territories(axes, sketch: Sketch, flat) -> None:
@@ -152,19 +192,24 @@ def _scale_bar(axes) -> None:
     )
 
 
-def _legend(axes, tree: Tree, roles: list[EndRole], sketch: Sketch) -> None:
+def _legend(figure, axes, tree: Tree, roles: list[EndRole], sketch: Sketch) -> None:
     names = [a for a in ("LAD", "LCx", "RCA") if any(role.artery == a for role in roles)]
     shown = [(name, colour(name)) for name in names]
     shown += [("left main or trunk", DARK)] if any(v.branch in ("LM", "coronary") for v in tree) else []
     shown += [("aorta", "#DDDDDD")] if any(v.branch == AORTA for v in tree) else []
     shown += [("stenosis", STENOSIS)] if sketch.stenoses else []
-    shown += [("pressure wire", WIRE)] if sketch.wire_places else []
     shown += (
         [("what is it?" if sketch.beds else "no row: what is it?", UNKNOWN)]
         if any(role.artery is None for role in roles)
         else []
     )
     handles = [axes.plot([], [], color=ink, lw=3, label=name)[0] for name, ink in shown]
+    if any(stenosis.read is not None for stenosis in sketch.stenoses):
+        handles += axes.plot([], [], **RING, label="FFR is read")
+    if sketch.wire_places:
+        handles += axes.plot([], [], **DIAMOND, label="pressure wire")
     title = "" if sketch.unit is None else f"read in {sketch.unit}"
     title += "; territories: nearest outlet" if sketch.wall is not None else ""
-    axes.legend(handles=handles, title=title or None, loc="best", fontsize=7, title_fontsize=7)
+    columns = len(handles) if len(handles) <= 7 else -(-len(handles) // 2)
+    style = {"loc": "outside lower center", "ncols": columns, "fontsize": 7, "title_fontsize": 7}
+    figure.legend(handles=handles, title=title or None, **style)
