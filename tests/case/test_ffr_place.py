@@ -47,6 +47,13 @@ def test_the_place_lies_within_the_asked_distance(vessel, place, beyond):
     assert len(ffr_notes(with_ffr_places(tree, lesions, 50.0))) == 2
 
 
+def test_a_place_that_is_nearer_by_less_than_half_a_millimetre_is_not_noted():
+    lesions = [Stenosis("LAD", "lca1", 1.0, 2.0)]
+    last = small_tree()["lca1"].length - 0.12 - 2.0
+    assert ffr_notes(with_ffr_places(small_tree(), lesions, last + 0.04)) == ()
+    assert len(ffr_notes(with_ffr_places(small_tree(), lesions, last + 0.06))) == 1
+
+
 @pytest.mark.parametrize(
     ("vessel", "beyond", "stop"),
     [("lca1", 1.5, None), ("lca1", 3.5, "end"), ("branch1", 3.5, "branch"), ("rca1", 3.5, "stenosis")],

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.case.anatomy.tree import Stenosis, write_tree
-from coronaryuq.case.case_json import CaseOutlet
+from coronaryuq.case.case_json import CaseOutlet, CaseWirePlace
 from coronaryuq.case.perfusion.territories import wall_of_territories
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.io.vtk import write_vtk
@@ -29,7 +29,7 @@ class Case:
     """What the page takes of a case."""
 
     outlets = lv_outlets = OUTLETS
-    stenoses = ()
+    stenoses = ffr_at = ()
 
 
 @pytest.fixture
@@ -65,6 +65,23 @@ def test_the_wire_passes_its_lesions_and_the_places_where_ffr_is_read(readings):
     assert [mark[key] - begin for key in ("start", "end", "read")] == pytest.approx([0.4, 0.9, 1.2], abs=2e-3)
     (without,) = tree.pullbacks(readings, OUTLETS[:1], [lesion])[0]["marks"]
     assert "read" not in without
+
+
+def test_a_measured_place_of_the_wire_lies_on_its_way_and_in_the_scene(readings):
+    measured = CaseWirePlace(name="distal", artery="LAD", vessel="lca1", arc=1.2, distance=3.2, measured=0.84, sd=0.02)
+    trunk = CaseWirePlace(name="trunk", artery="LM", vessel="branch1", arc=2.0, distance=0.8)
+
+    class WithWires(Case):
+        ffr_at = (measured, trunk)
+
+    scene = json.loads(tree.scene(readings, WithWires, {}))
+    ways = {way["name"]: way["wires"] for way in scene["pullbacks"]}
+    assert ways["LAD"][0] == {"name": "distal", "at": 3.2, "measured": 0.84, "sd": 0.02}
+    assert [wire["name"] for wire in ways["LCx"]] == ["trunk"] and ways["PDA"] == []
+    assert ways["LCx"][0]["measured"] is None
+    vessel = readings.tree["lca1"]
+    assert scene["wires"][0]["point"] == pytest.approx(vessel.position_at(1.2).tolist(), abs=1e-3)
+    assert scene["wires"][0]["radius"] == pytest.approx(float(vessel.radius_at(1.2)), abs=1e-4)
 
 
 def test_the_edge_lies_where_ffr_crosses_the_limit():

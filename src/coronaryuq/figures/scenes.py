@@ -90,7 +90,8 @@ def _outlets_alone(outlets: list[CaseOutlet], vessels: Tree, output: Output) -> 
 def tree_by_ffr(case: str, tree: str, pressures: str, output: Output) -> None:
     """Draw the coronary tree coloured by FFR, median over the posterior, with a dark edge at the limit.
 
-    The aorta, which has no FFR, is a ghost. pressures: table of vessel, position (0 to 1), ffr.
+    Lesions and the places of a pressure wire are named. The aorta, which has no FFR, is a ghost. pressures: table of
+    vessel, position (0 to 1), ffr.
     """
     vessels, table = read_tree(tree), read_csv(pressures, columns=("vessel", "position", "ffr"))
     norm = Normalize(*FFR_RANGE)
@@ -104,7 +105,10 @@ def tree_by_ffr(case: str, tree: str, pressures: str, output: Output) -> None:
             look = {"scalars": "value", "cmap": FFR_COLOURS, "clim": FFR_RANGE}
             items.append((_tube(vessel.points, vessel.radii, values), look))
             items += [(_tube(*edge), {"color": DARK}) for edge in limit_edges(vessel, values)]
-    names, marks = _stenoses(placed_stenoses(read_case(case).stenoses), vessels)
+    summary = read_case(case)
+    names, marks = _stenoses(placed_stenoses(summary.stenoses), vessels)
+    names += [f"wire: {wire.name}" for wire in summary.ffr_at]
+    marks = np.array([*marks, *(vessels[wire.vessel].position_at(wire.arc) for wire in summary.ffr_at)]).reshape(-1, 3)
     pictures = [rendered(items, camera, marks) for camera in (FRONT, BACK)]
     with _row(output, pictures) as (figure, axes):
         for axis, picture, title in zip(axes, pictures, ("front view", "from behind and below"), strict=True):

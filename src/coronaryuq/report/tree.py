@@ -11,7 +11,7 @@ import pandas as pd
 
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel, placed_stenoses, read_tree, throat
 from coronaryuq.case.anatomy.vessel_names import readable_names
-from coronaryuq.case.case_json import CaseOutlet, CaseSummary
+from coronaryuq.case.case_json import CaseOutlet, CaseSummary, CaseWirePlace
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.io.vtk import read_vtk
 from coronaryuq.core.units import ML_PER_MIN
@@ -55,10 +55,12 @@ def pullbacks(
     outlets: Sequence[CaseOutlet],
     stenoses: Sequence[Stenosis] = (),
     planes: Mapping[str, Plane] | None = None,
+    wires: Sequence[CaseWirePlace] = (),
 ) -> list[dict]:
     """Return for each outlet the readings from the ostium to the end: distances in cm, flows in mL/min.
 
     `marks` are the lesions on the way: `name`, `start` and `end`, and `read`, where FFR is read if on the way, too.
+    `wires` are the places of a pressure wire on the way: `name`, `at`, and what was measured there, with its error.
     """
     result = []
     for outlet in outlets:
@@ -84,6 +86,11 @@ def pullbacks(
                 "marks": [
                     _mark(s, (planes or {}).get(s.name), from_ostium) for s in stenoses if s.vessel in from_ostium
                 ],
+                "wires": [
+                    {"name": wire.name, "at": round(wire.distance, 3), "measured": wire.measured, "sd": wire.sd}
+                    for wire in wires
+                    if wire.vessel in from_ostium
+                ],
             }
         )
     return result
@@ -104,7 +111,9 @@ def _reading(distance: float, k: int, values: Mapping[str, np.ndarray]) -> list[
 
 
 def scene(readings: Readings, case: CaseSummary, planes: Mapping[str, Plane], lv: str | Path | None = None) -> str:
-    """Return the scene as JSON: centrelines with radii and readings, lesions, planes of FFR, colours, territories.
+    """Return the scene as JSON.
+
+    It has centrelines with radii and readings, lesions, planes of FFR, places of a wire, colours, and territories.
 
     Parameters
     ----------
@@ -122,7 +131,8 @@ def scene(readings: Readings, case: CaseSummary, planes: Mapping[str, Plane], lv
     content = {
         "vessels": [vessel for vessel in vessels if vessel],
         "lesions": [_lesion(readings.tree, s, planes.get(s.name)) for s in placed],
-        "pullbacks": pullbacks(readings, case.outlets, placed, planes),
+        "wires": [_wire(readings.tree, wire) for wire in case.ffr_at],
+        "pullbacks": pullbacks(readings, case.outlets, placed, planes, case.ffr_at),
         "range": list(FFR_RANGE), "limit": FFR_LIMIT, "colours": ffr_colours(64),
         "territories": _territories(read_vtk(lv), case.lv_outlets) if lv else None,
     }  # fmt: skip
@@ -155,6 +165,12 @@ def _lesion(tree: Tree, stenosis: Stenosis, plane: Plane | None) -> dict:
     place = tree[stenosis.vessel].position_at(arc)
     read = {"plane": np.round(plane.point, 3).tolist(), "normal": plane.normal, "radius": plane.radius} if plane else {}
     return {"name": stenosis.name, "point": np.round(place, 3).tolist(), **read}
+
+
+def _wire(tree: Tree, wire: CaseWirePlace) -> dict:
+    vessel = tree[wire.vessel]
+    radius = round(float(vessel.radius_at(wire.arc)), 4)
+    return {"name": wire.name, "point": np.round(vessel.position_at(wire.arc), 3).tolist(), "radius": radius}
 
 
 def _territories(wall: "pyvista.DataSet", outlets: Sequence[CaseOutlet]) -> dict | None:

@@ -7,7 +7,7 @@
   const svg = (tag, attributes, text) => { const node = document.createElementNS("http:" + "//www.w3.org/2000/svg", tag); for (const name in attributes) node.setAttribute(name, attributes[name]); if (text !== undefined) node.textContent = text; return node; };
   const rgb = hex => [1, 3, 5].map(k => parseInt(hex.slice(k, k + 2), 16) / 255);
   const two = x => x.toFixed(2);
-  const RING = "#e0218a"; // unlike every colour of FFR, and unlike the dark edge
+  const RING = "#e0218a", WIRE = "#ff5a1f"; // unlike every colour of FFR, and unlike the dark edge
 
   // ---- vectors
   const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]], add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
@@ -35,7 +35,8 @@
     const W = 420, H = 300, left = 58, right = 10, top = 12, bottom = 42;
     const end = points[points.length - 1][0];
     const lows = points.map(p => p[first]), highs = points.map(p => p[first + 2]);
-    const y0 = flow ? 0 : Math.min(0.6, Math.floor(10 * Math.min(...lows)) / 10), y1 = flow ? 1.05 * Math.max(...highs) : 1.0;
+    const wires = pullback.wires.filter(wire => wire.measured !== null);
+    const y0 = flow ? 0 : Math.min(0.6, Math.floor(10 * Math.min(...lows, ...wires.map(wire => wire.measured - (wire.sd ?? 0)))) / 10), y1 = flow ? 1.05 * Math.max(...highs) : 1.0;
     const X = x => left + (W - left - right) * x / end, Y = y => H - bottom - (H - top - bottom) * (y - y0) / (y1 - y0);
     const path = k => points.map(p => `${X(p[0]).toFixed(1)},${Y(p[k]).toFixed(1)}`);
     const last = points[points.length - 1];
@@ -53,9 +54,16 @@
     pullback.marks.forEach(mark => picture.append(svg("rect", { class: "lesion", x: X(mark.start), width: X(mark.end) - X(mark.start), y: H - bottom - 7, height: 7 }), svg("text", { x: X((mark.start + mark.end) / 2), y: H - bottom - 11, "text-anchor": "middle" }, mark.name)));
     picture.append(svg("polygon", { class: "band", points: [...path(first), ...path(first + 2).reverse()].join(" ") }), svg("polyline", { class: "median", points: path(first + 1).join(" ") }));
     if (!flow) picture.append(svg("line", { class: "limit", x1: left, x2: W - right, y1: Y(data.limit), y2: Y(data.limit) }));
-    pullback.marks.filter(mark => mark.read !== undefined).forEach(mark => { // on the median, between its points
-      const k = Math.max(1, points.findIndex(p => p[0] >= mark.read)), [a, b] = [points[k - 1], points[k]], part = (mark.read - a[0]) / (b[0] - a[0] || 1);
-      picture.append(svg("circle", { class: "ring", r: 6, cx: X(mark.read), cy: Y(a[first + 1] + part * (b[first + 1] - a[first + 1])) }));
+    const median = x => { const k = Math.max(1, points.findIndex(p => p[0] >= x)), [a, b] = [points[k - 1], points[k]]; return a[first + 1] + (x - a[0]) / (b[0] - a[0] || 1) * (b[first + 1] - a[first + 1]); };
+    pullback.marks.filter(mark => mark.read !== undefined).forEach(mark => picture.append(svg("circle", { class: "ring", r: 6, cx: X(mark.read), cy: Y(median(mark.read)) })));
+    const diamond = (x, y, open) => svg("path", { class: open ? "wire open" : "wire", d: `M${x} ${y - 6}L${x + 6} ${y}L${x} ${y + 6}L${x - 6} ${y}Z` });
+    pullback.wires.forEach(wire => { // on the median, and filled at what was measured
+      const x = X(wire.at);
+      if (!flow && wire.measured !== null) {
+        picture.append(svg("line", { class: "wire", x1: x, x2: x, y1: Y(wire.measured - (wire.sd ?? 0)), y2: Y(wire.measured + (wire.sd ?? 0)) }), diamond(x, Y(wire.measured), false));
+        picture.append(svg("text", { x: x - 9, y: Y(wire.measured) + 4, "text-anchor": "end" }, `measured ${two(wire.measured)}`));
+      }
+      picture.append(diamond(x, Y(median(wire.at)), true));
     });
     const cursor = svg("line", { class: "cursor", y1: top, y2: H - bottom, visibility: "hidden" }), told = svg("text", { x: W - right, y: top + 10, "text-anchor": "end" });
     picture.append(cursor, told);
@@ -111,6 +119,14 @@
     const line = Array.from({ length: 33 }, (_, k) => add(add(point, a, radius * Math.cos(k * Math.PI / 16)), b, radius * Math.sin(k * Math.PI / 16)));
     return tube(line, line.map(() => 0.045), null, rgb(RING));
   };
+  const octahedron = (point, radius) => {
+    const out = [], tip = (k, sign) => [0, 1, 2].map(j => j === k ? sign : 0);
+    for (const x of [1, -1]) for (const y of [1, -1]) for (const z of [1, -1]) {
+      const n = unit([x, y, z]);
+      [tip(0, x), tip(1, y), tip(2, z)].forEach(corner => out.push(...add(point, corner, radius), ...n, -1, ...rgb(WIRE)));
+    }
+    return out;
+  };
   const solid = coronary.flatMap(vessel => {
     // An ostial artery starts on the aorta's centreline; what lies inside the aorta is not drawn.
     let length = 0, from = 0;
@@ -119,6 +135,7 @@
   });
   coronary.forEach(vessel => vessel.edges.forEach(edge => solid.push(...tube(edge.points, edge.radii, null, [0.05, 0.05, 0.05]))));
   data.lesions.forEach(lesion => { if (lesion.plane) solid.push(...ring(lesion.plane, lesion.normal, 1.7 * lesion.radius)); });
+  data.wires.forEach(wire => solid.push(...octahedron(wire.point, Math.max(2 * wire.radius, 0.18))));
   const near = p => Math.hypot(...sub(p, centre)) < 1.15 * size;
   const ghost = data.vessels.filter(vessel => vessel.aorta).flatMap(vessel => { const inside = vessel.points.map(near), keep = list => list.filter((_, k) => inside[k]); return keep(vessel.points).length > 1 ? tube(keep(vessel.points), keep(vessel.radii), null, [0.62, 0.62, 0.62]) : []; });
   const wall = [];
@@ -163,8 +180,9 @@
   const tip = make("div", { className: "tip", hidden: true });
   const leaders = svg("svg", { class: "leaders", "aria-hidden": "true" });
   box.append(leaders);
-  const lines = data.lesions.map(() => { const line = svg("line", {}); leaders.append(line); return line; });
-  const tags = data.lesions.map(lesion => { const tag = make("div", { className: "tag", textContent: lesion.name }); box.append(tag); return tag; });
+  const tagged = [...data.lesions, ...data.wires.map(wire => ({ name: `wire: ${wire.name}`, point: wire.point }))];
+  const lines = tagged.map(() => { const line = svg("line", {}); leaders.append(line); return line; });
+  const tags = tagged.map(lesion => { const tag = make("div", { className: "tag", textContent: lesion.name }); box.append(tag); return tag; });
   const tools = make("div", { className: "tools" });
   const front = make("button", { type: "button", textContent: "Front" });
   front.onclick = () => { turn = home.map(row => [...row]); zoom = START; redraw(); };
@@ -211,7 +229,7 @@
     paint(parts.ghost, 0.35);
     gl.depthMask(true);
     if (shown) paint(parts.wall, 0.45);
-    data.lesions.forEach((lesion, k) => {
+    tagged.forEach((lesion, k) => {
       const q = seen(lesion.point), away = q.x > w / 2 ? 1 : -1;
       const x = q.x + 34 * away;
       tags[k].style.left = `${100 * Math.min(Math.max(x, 24), w - 24) / w}%`;

@@ -12,6 +12,8 @@ STOPS: dict[Stop, str] = {
     "stenosis": "the last place before the next stenosis",
 }
 """Why FFR is read nearer than asked for, in words."""
+SAME = 0.05
+"""cm: distances that are no different to a reader of whole millimetres."""
 
 
 def with_ffr_places(tree: Tree, stenoses: Sequence[Stenosis], beyond: float) -> list[Stenosis]:
@@ -34,12 +36,12 @@ def with_ffr_places(tree: Tree, stenoses: Sequence[Stenosis], beyond: float) -> 
 
 
 def ffr_notes(stenoses: Sequence[Stenosis]) -> tuple[str, ...]:
-    """Return a note for each stenosis whose FFR is read nearer than asked."""
+    """Return a note for each stenosis whose FFR is read nearer than asked, by more than half a millimetre."""
     return tuple(
         f"stenosis {s.name}: FFR is read {10 * (s.read.arc - s.end):.0f} mm beyond it, {STOPS[s.read.stop]}; "
         f"{10 * s.read.asked:g} mm were asked for (ffr_beyond_mm)"
         for s in stenoses
-        if s.read is not None and s.read.stop is not None
+        if s.read is not None and s.read.stop is not None and s.end + s.read.asked - s.read.arc > SAME
     )
 
 
