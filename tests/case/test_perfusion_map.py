@@ -1,5 +1,8 @@
 """Perfusion maps in every form and unit that users have: the same wall and the same flow come out."""
 
+import re
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 import pyvista as pv
@@ -8,6 +11,8 @@ from coronaryuq.case.description.fields import Perfusion
 from coronaryuq.case.perfusion.perfusion_map import read_wall
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, TISSUE_DENSITY
+from coronaryuq.figures import registration_picture as registration
+from coronaryuq.figures.registration_picture import registration_picture
 from coronaryuq.synthetic.ventricle import Ventricle
 
 pytestmark = pytest.mark.slow
@@ -207,6 +212,21 @@ def test_a_given_affine_brings_the_map_home(images, wall, tmp_path):
     assert moved.volume == pytest.approx(straight.volume, rel=1e-9)
 
 
+@contextmanager
+def saved_axes(monkeypatch):
+    """Axes of the picture that is drawn."""
+    shown, original = [], registration.saved
+
+    @contextmanager
+    def saved(output, **subplots):
+        with original(output, **subplots) as (figure, axes):
+            yield figure, axes
+            shown.extend(axes)
+
+    monkeypatch.setattr(registration, "saved", saved)
+    yield shown
+
+
 def chest(spacing, transform=None):
     """A volume (mm) with two ventricles, aorta and spine, no two alike: what tells one direction from another."""
     shape = np.array([48, 48, 48])
@@ -228,7 +248,7 @@ def chest(spacing, transform=None):
     return image
 
 
-def test_registration_finds_a_known_affine_to_a_fraction_of_a_voxel(images, tmp_path):
+def test_registration_finds_a_known_affine_to_a_fraction_of_a_voxel(images, tmp_path, monkeypatch):
     """One scan shows the chest where the anatomy has it; the other one turned, stretched, shifted, in other greys."""
     angle = np.radians(7.0)
     known = np.eye(4)
@@ -243,15 +263,28 @@ def test_registration_finds_a_known_affine_to_a_fraction_of_a_voxel(images, tmp_
     sitk.WriteImage(images[0], str(tmp_path / "map.nrrd"))
     plain = read(tmp_path, file="map.nrrd", length_unit="mm", threshold=0.5).mesh
     scans = {"fixed": "angiogram.nrrd", "moving": "perfusion_scan.nrrd"}
-    found = read(tmp_path, file="map.nrrd", length_unit="mm", threshold=0.5, registration=scans).mesh
+    placed = read(tmp_path, file="map.nrrd", length_unit="mm", threshold=0.5, registration=scans)
+    found = placed.mesh
     expected = np.asarray(plain.points) * 10 @ known[:3, :3].T + known[:3, 3]
     off = np.linalg.norm(np.asarray(found.points) * 10 - expected, axis=1)
     assert off.max() < 1.0 and off.mean() < 0.5  # mm; voxels are 3 mm
+    note = next(note for note in placed.notes if "parts of the heart" in note)
+    assert float(re.search(r"shift by ([\d.]+) mm", note)[1]) < 1.0
+    with saved_axes(monkeypatch) as axes:
+        registration_picture(tmp_path / "angiogram.nrrd", 0.1, placed, tmp_path / "shown.png")
+    drawn = np.concatenate([line.get_xydata() for line in axes[2].lines])
+    points = np.asarray(found.points) * 10
+    origin = np.asarray(sitk.ReadImage(str(tmp_path / "angiogram.nrrd")).GetOrigin())
+    for k in range(2):  # the outline spans the wall, in cm from the scan's first voxel
+        low, high = (points[:, k].min() - origin[k]) / 10, (points[:, k].max() - origin[k]) / 10
+        assert low - 1e-6 <= drawn[:, k].min() < low + 0.5 and high - 0.5 < drawn[:, k].max() <= high + 1e-6
 
 
 @pytest.mark.parametrize(("moving", "noted"), [("scan.nrrd", False), (None, True)])
 def test_a_map_that_is_registered_by_itself_is_noted(images, tmp_path, monkeypatch, moving, noted):
     monkeypatch.setattr("coronaryuq.case.perfusion.perfusion_map.register", lambda *_: np.eye(4))
+    sitk.WriteImage(images[0], str(tmp_path / "angiogram.nrrd"))
+    sitk.WriteImage(images[0], str(tmp_path / "scan.nrrd"))
     sitk.WriteImage(images[0], str(tmp_path / "map.nrrd"))
     scans = {"fixed": "angiogram.nrrd", "moving": moving}
     found = read(tmp_path, file="map.nrrd", length_unit="mm", threshold=0.5, registration=scans)

@@ -101,3 +101,15 @@ def test_labels_cover_neither_one_another_nor_lines():
         assert not box.covers(line).any()
         assert not any(box.meets(other) for other in boxes[:k])
         assert np.linalg.norm(box.anchor - points[k]) < 1.5
+
+
+def test_a_registered_map_has_a_second_picture(tmp_path):
+    sitk = pytest.importorskip("SimpleITK")
+    found = check(write_case(tmp_path, small_tree()))
+    scan = sitk.GetImageFromArray(np.random.default_rng(0).normal(size=(20, 22, 24)).astype(np.float32))
+    scan.SetOrigin([-12.0, -11.0, -14.0])
+    sitk.WriteImage(scan, str(tmp_path / "ct.nrrd"))
+    found.sketch.scan = (tmp_path / "ct.nrrd", 1.0)
+    drawn = [tmp_path / name for name in ("case.check.png", "case.check.registration.png")]
+    assert draw_check(found, None) == [f"picture: {path}" for path in drawn]
+    assert all(path.read_bytes()[:4] == b"\x89PNG" for path in drawn)

@@ -40,7 +40,7 @@ from coronaryuq.case.tables.read import OutletRow, read_case_targets, read_outle
 from coronaryuq.case.unusual_sizes import size_notes
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
-from coronaryuq.core.units import MM, MMHG, PRESSURES
+from coronaryuq.core.units import LENGTHS, MM, MMHG, PRESSURES
 
 AORTIC_PRESSURE_WITHOUT_TARGET = 93.0 * MMHG
 DEFAULT_PERIOD = 1.0
@@ -142,6 +142,9 @@ def assemble(
     if description.perfusion is not None:
         wall = read_wall(path, description.perfusion, description.tissue_density, settings.wall_cells)
         sketch.wall = wall
+        if description.perfusion.registration is not None:
+            scan = folder / description.perfusion.registration.fixed
+            sketch.scan = (scan, LENGTHS[description.perfusion.length_unit])
         notes += check_place(path, description.perfusion, wall, outlets)
     elif description.territory_flows is not None:
         lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}

@@ -42,6 +42,8 @@ class Sketch:
         Coronary outlets of the finished case, places of a pressure wire, the left ventricular wall.
     beds
         Of a network whose outlets table has a fault: vessel → name of the coronary bed at its end.
+    scan
+        Scan to which the perfusion map was registered, and its length unit, cm; None if it was not.
     unit
         Length unit of the anatomy; None without an anatomy.
     file
@@ -56,6 +58,7 @@ class Sketch:
     wire_places: list[CaseWirePlace] = field(default_factory=list)
     wall: Wall | None = None
     beds: dict[str, str] = field(default_factory=dict)
+    scan: tuple[Path, float] | None = None
     unit: str | None = None
     file: Path | None = None
 

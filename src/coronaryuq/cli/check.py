@@ -176,7 +176,9 @@ def _changed(model: BaseModel, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def draw_check(found: Checked, picture: str | None) -> list[str]:
-    """Draw the vessels of what was checked, as far as they were read, and return a line that names the file.
+    """Draw the vessels of what was checked, as far as they were read, and return a line that names each file.
+
+    Where a perfusion map was registered, a second picture shows it on the scan.
 
     Parameters
     ----------
@@ -197,12 +199,17 @@ def draw_check(found: Checked, picture: str | None) -> list[str]:
     if output.suffix.lower() not in (".png", ".svg"):
         raise InputError("command line", "--picture", str(output), "name a file that ends in .png or .svg")
     from coronaryuq.figures.case_picture import case_picture
+    from coronaryuq.figures.registration_picture import registration_picture
 
+    drawn = [output]
     try:
         check_file(output)
         case_picture(sketch, output)
+        if sketch.scan is not None and sketch.wall is not None:
+            drawn.append(output.with_name(f"{output.name.removesuffix(output.suffix)}.registration{output.suffix}"))
+            registration_picture(*sketch.scan, sketch.wall, drawn[-1])
     except (InputError, OSError):
         if picture:
             raise
         return [f"picture: none, because {output.parent} cannot be written; name a file with --picture"]
-    return [f"picture: {output}"]
+    return [f"picture: {path}" for path in drawn]

@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from coronaryuq.case.perfusion.image_headers import EXPORT, Header, check_header, read_header
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.quiet import quiet
+
+if TYPE_CHECKING:
+    import SimpleITK as sitk
 
 IMAGE_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd")
 LARGEST = 600_000_000
@@ -178,7 +182,7 @@ def register(file, fixed: str | Path, moving: str | Path) -> np.ndarray:
             raise InputError(file, "perfusion.registration", str(path), "no such file")
         # The fixed image says where the anatomy lies; where the moving one lies does not matter.
         _checked_header(Path(path), placed_otherwise=path is moving)
-    target, source = (sitk.Cast(_finite(_read(Path(path))), sitk.sitkFloat32) for path in (fixed, moving))
+    target, source = read_scan(fixed), read_scan(moving)
     rigid = sitk.CenteredTransformInitializer(
         target, source, sitk.Euler3DTransform(), sitk.CenteredTransformInitializerFilter.MOMENTS
     )
@@ -198,6 +202,13 @@ def register(file, fixed: str | Path, moving: str | Path) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = (forward[1:] - forward[0]).T, forward[0]
     return np.linalg.inv(matrix)
+
+
+def read_scan(path: str | Path) -> "sitk.Image":
+    """Read an image of a registration, with 0 for what is not finite; its header has been checked."""
+    import SimpleITK as sitk
+
+    return sitk.Cast(_finite(_read(Path(path))), sitk.sitkFloat32)
 
 
 def _fitted(target, source, start, levels: list[int]):

@@ -9,6 +9,7 @@ import numpy as np
 from coronaryuq.case.description.fields import Label, Perfusion
 from coronaryuq.case.perfusion.cells import voxels_as_hexahedra
 from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, read_image, register, wall_cells
+from coronaryuq.case.perfusion.registration_quality import agreement
 from coronaryuq.case.perfusion.transform_files import read_transform
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.vtk import read_vtk
@@ -66,7 +67,7 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
         raise InputError(file, "perfusion.file", map_.file, "no such file")
     grid, invalid, notes = _cells(file, path, map_, folder, most_cells)
     grid = voxels_as_hexahedra(grid)
-    grid.points = _to_anatomy(file, np.asarray(grid.points, dtype=float), map_, folder)
+    grid.points, placing = _to_anatomy(file, np.asarray(grid.points, dtype=float), map_, folder)
     sizes = grid.compute_cell_sizes(length=False, area=False, volume=True).cell_data["Volume"]
     volumes = np.abs(np.asarray(sizes, dtype=float))
     if not (volumes > 0).any():
@@ -80,8 +81,7 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
     grid.clear_data()
     grid.cell_data["Volume"] = volumes
     grid.cell_data["MBF"] = values * perfusions(tissue_density)[map_.unit]
-    doubt = (ITSELF,) if map_.registration is not None and map_.registration.moving is None else ()
-    return Wall(grid, (*notes, *filled, *doubt))
+    return Wall(grid, (*notes, *filled, *placing))
 
 
 def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
@@ -232,12 +232,20 @@ def _label_on_cells(mesh, label: Label) -> np.ndarray:
     return np.isin(np.asarray(mesh.cell_data[label.array]), label.values).astype(float)
 
 
-def _to_anatomy(file, points: np.ndarray, map_: Perfusion, folder: Path) -> np.ndarray:
+def _to_anatomy(file, points: np.ndarray, map_: Perfusion, folder: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the map's points in the anatomy, cm, and notes on a registration."""
+    if map_.registration is None:
+        return _placed(file, points, map_), ()
     scale = LENGTHS[map_.length_unit]
-    if map_.registration is not None:
-        fixed, moving = folder / map_.registration.fixed, folder / (map_.registration.moving or map_.file)
-        matrix = register(file, fixed, moving)
-        return (points @ matrix[:3, :3].T + matrix[:3, 3]) * scale
+    fixed, moving = folder / map_.registration.fixed, folder / (map_.registration.moving or map_.file)
+    matrix = register(file, fixed, moving)
+    points = points @ matrix[:3, :3].T + matrix[:3, 3]
+    doubt = (ITSELF,) if map_.registration.moving is None else ()
+    return points * scale, (agreement(fixed, moving, matrix, points, MM / scale).note, *doubt)
+
+
+def _placed(file, points: np.ndarray, map_: Perfusion) -> np.ndarray:
+    scale = LENGTHS[map_.length_unit]
     if map_.transform is not None:
         inverse = np.linalg.inv(read_transform(file, map_.transform))
         return (points * scale / MM) @ inverse[:3, :3].T * MM + inverse[:3, 3] * MM
