@@ -11,7 +11,9 @@ h + (M / m) (g − h) at S and h elsewhere, whose variance over M it has as well
 in every formula for a mean (difference estimator: Särndal, Swensson and Wretman 1992, chapter 6).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -62,33 +64,58 @@ class Regression:
 
         Residuals are enlarged by the degrees of freedom of the fit.
         """
-        m = len(values)
-        terms = self._features(np.zeros((1, len(self.inputs))), True).shape[1]
-        products = m >= SAMPLES_PER_TERM * terms
-        moments, right = np.zeros((0, 0)), np.zeros(0)
-        for start in range(0, m, ROWS):
-            rows = slice(start, start + ROWS)
-            features = self._features(self._standard(self.known[rows]), products)
-            moments = features.T @ features + (moments if start else 0.0)
-            right = features.T @ (values[rows] - values[0]) + (right if start else 0.0)
+        m, (products, moments) = len(values), self._normal_equations
+        right = sum(self._sums(self._standard(self.known[r]), values[r] - values[0], products) for r in _parts(m))
         coefficients = np.linalg.lstsq(moments, right, rcond=1e-12)[0]
         found = np.empty(len(self.index))
-        for start in range(0, len(found), ROWS):
-            places = np.arange(start, min(start + ROWS, len(found)))
-            found[places] = values[0] + self._features(self._standard(places), products) @ coefficients
+        for rows in _parts(len(found)):
+            found[rows] = values[0] + self._polynomial(self._standard(rows), coefficients)
         residuals = values - found[self.known]
         centre = residuals.mean()
         enlarged = centre + (residuals - centre) * (m / max(1, m - len(coefficients))) ** 0.5
         found[self.known] += len(found) / m * enlarged
         return found
 
-    def _standard(self, places: np.ndarray) -> np.ndarray:
-        at = self.runs.coordinates(self.runs.theta_more[self.index[places]])
-        return (at[:, self.inputs] - self.shift) / self.scale
+    @cached_property
+    def _normal_equations(self) -> tuple[bool, np.ndarray]:
+        """Whether there are products of inputs, and the sums (p, p) of products of all terms."""
+        m, d = len(self.known), len(self.inputs)
+        products = m >= SAMPLES_PER_TERM * (1 + d + d * (d + 1) // 2)
+        parts = (self._features(self._standard(self.known[rows]), products) for rows in _parts(m))
+        return products, sum((features.T @ features for features in parts), np.zeros(()))
 
-    def _features(self, x: np.ndarray, products: bool) -> np.ndarray:
+    def _standard(self, places: np.ndarray | slice) -> np.ndarray:
+        x = self.runs.coordinates(self.runs.theta_more[self.index[places]])
+        x = x[:, self.inputs] if len(self.inputs) < x.shape[1] else x
+        x -= self.shift
+        x /= self.scale
+        return x
+
+    @staticmethod
+    def _sums(x: np.ndarray, values: np.ndarray, products: bool) -> np.ndarray:
+        """Return the sums (p,) of the terms at `x` (m, d) times values (m,)."""
+        weighted = values[:, None] * x
+        pairs = (weighted.T @ x)[np.triu_indices(x.shape[1])] if products else np.empty(0)
+        return np.concatenate([[values.sum()], weighted.sum(axis=0), pairs])
+
+    @staticmethod
+    def _polynomial(x: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+        """Return the polynomial at `x` (m, d), without a column for every product."""
+        d = x.shape[1]
+        constant, slopes, pairs = coefficients[0], coefficients[1 : 1 + d], coefficients[1 + d :]
+        along = np.zeros((d, d))
+        if len(pairs):
+            along[np.triu_indices(d)] = pairs
+        return constant + np.einsum("ij,ij->i", x @ along + slopes, x)
+
+    @staticmethod
+    def _features(x: np.ndarray, products: bool) -> np.ndarray:
         columns = [np.ones(len(x)), x]
         if products:
             first, second = np.triu_indices(x.shape[1])
             columns.append(x[:, first] * x[:, second])
         return np.column_stack(columns)
+
+
+def _parts(m: int) -> Iterator[slice]:
+    return (slice(start, min(start + ROWS, m)) for start in range(0, m, ROWS))
