@@ -11,6 +11,7 @@ from coronaryuq.estimation.analysis.paper import paper_row
 from coronaryuq.estimation.analysis.tables import estimator_report
 from coronaryuq.estimation.estimators import multilevel_crossfit, per_row
 from coronaryuq.estimation.estimators.beyond_the_mean import beyond_the_mean
+from coronaryuq.estimation.estimators.choice import TESTED, recommended
 from coronaryuq.estimation.estimators.crossfit import Estimate
 from coronaryuq.estimation.estimators.design import Design, make_design
 from coronaryuq.estimation.estimators.folds import count
@@ -24,8 +25,6 @@ from coronaryuq.estimation.surrogates import mfmc_ae
 EMULATOR_SHARE = 1e-2
 ORDER = ("MC", "MFMC", "MFMC-AE", "BLUE", "crossfit-GP", "multilevel")
 """Of the estimators in `estimates.json`, the table and the figures."""
-TESTED = ("MC", "MFMC", "BLUE", "crossfit-GP")
-"""Estimators whose coverage repeated trials have tested (docs/explanation/estimation.md)."""
 
 
 def curves_of(networks: mfmc_ae.Networks, row: Row, outputs: pd.Series, nodes: int) -> Curves:
@@ -209,15 +208,3 @@ def _judged(name: str, estimate: Estimate, y: np.ndarray) -> Estimate:
 
 def _warned(estimate: Estimate, finding: diagnostics.Finding | None) -> Estimate:
     return estimate if finding is None else estimate.warned(finding, finding.blocks)
-
-
-def recommended(estimates: dict[str, Estimate]) -> str:
-    """Return the estimator with the smallest reported standard error among those whose coverage has been tested.
-
-    The error of a chain that all samples share is the same for every estimator and does not count here.
-    MC is always among them. MFMC-AE is not: α of a fold depends on the others' networks, whose error is not in its
-    variance; `multilevel` has been tested on one problem only.
-    """
-    sound = [name for name in TESTED if name in estimates and (name == "MC" or estimates[name].sound)]
-    common = estimates["MC"].contributions.dependence.shared
-    return min(sound, key=lambda name: estimates[name].std ** 2 - common * estimates[name].chain_variance)

@@ -211,12 +211,9 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
     along = [] if target else [_contributions(b, s) for b, s in zip(blocks, share, strict=True)]
     whole, freedom = dependence.variance(along)
     beyond = max(0.0, whole - from_blocks)  # what dependence adds to the variance of the propagation means
-    beta = options.beta
+    beta, chosen = options.beta, Part(0.0, np.inf)
     if beta is None:
-        alone = spread / n
-        here = max(alone, dependence.variance([((held_out - held_out.mean()) / n, fit.dependence.pilot)])[0])
-        there = from_blocks + (0.0 if fit.dependence.shared else beyond)
-        beta = float(here / (here + there)) if spread > 0 else 0.0
+        beta, chosen = _coefficient(fit, spread / n, from_blocks, (beyond, freedom))
     residuals = y - beta * held_out
     mean = float(np.average(residuals, weights=weights))
     mean += beta * float(sum(s * b.mean for s, b in zip(share, blocks, strict=True)))
@@ -233,7 +230,7 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
         )
         towards = TO_BOUND * max(0.0, bound - covariance)
     from_residuals += covariance + (from_residuals * n / target if target else 0.0)
-    chain = _chain_variance(fit, weights * centred / weights.sum(), estimated, beta, (beyond, freedom))
+    chain = [*_chain_variance(fit, weights * centred / weights.sum(), estimated, beta, (beyond, freedom)), chosen]
     from_chain = sum(part.variance for part in chain)
     std = (from_residuals + from_blocks + from_chain) ** 0.5
     bound = from_residuals + towards
@@ -265,6 +262,26 @@ def propagation_variance(blocks: Sequence[Propagated], share: np.ndarray) -> flo
 def _contributions(block: Propagated, share: float) -> tuple[np.ndarray, Segments | None]:
     """Return the contributions (m,) of a block's values to the estimate, less their mean, and their segments."""
     return share * (block.values - block.values.mean()) / len(block.values), block.segments
+
+
+def _coefficient(fit: CrossFit, alone: float, from_blocks: float, beyond: tuple[float, float]) -> tuple[float, Part]:
+    """Return the coefficient of least variance, and the variance that choosing it from these samples hides.
+
+    With variances A and B of the mean of g over pilot and propagation samples, β = A / (A + B), and the control
+    variate adds A B / (A + B). From segments A and B are known with few degrees of freedom a and b. The minimum of an
+    uncertain variance is too low, to first order by (A + B) (β − β²)² (2/a + 2/b), and the coefficient's own error
+    raises the variance by as much. Of independent samples a is n − 1: that is less than 1 / n of the variance, and left
+    out.
+    """
+    segments, shared = fit.dependence.pilot, fit.dependence.shared
+    along, freedom = dependence.variance([((fit.held_out - fit.held_out.mean()) / len(fit.y), segments)])
+    here, there = max(alone, along), from_blocks + (0.0 if shared else beyond[0])
+    if here == 0:
+        return 0.0, Part(0.0, np.inf)
+    beta = float(here / (here + there))
+    known = [freedom, np.inf if shared else beyond[1]]
+    hidden = 2 * (beta * (1 - beta)) ** 2 * (here + there) * sum(2 / degrees for degrees in known)
+    return beta, Part(hidden, min(known))
 
 
 def _chain_variance(
