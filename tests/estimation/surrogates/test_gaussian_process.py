@@ -27,11 +27,11 @@ def variances(model):
 def test_gradient(directions):
     x, y = problem()
     at = generator(2, "at").normal(size=6 + 3 * directions) * 0.3
-    _, gradient = gp.negative_log_posterior(at, x, y)
+    _, gradient = gp.negative_log_posterior(at, x, y, matern.Memory.of(len(x)))
     for j in range(len(at)):
         step = np.zeros(len(at))
         step[j] = 1e-6
-        up, down = (gp.negative_log_posterior(at + s * step, x, y)[0] for s in (1, -1))
+        up, down = (gp.negative_log_posterior(at + s * step, x, y, matern.Memory.of(len(x)))[0] for s in (1, -1))
         assert (up - down) / 2e-6 == pytest.approx(gradient[j], rel=1e-5, abs=1e-5)
 
 
@@ -54,7 +54,7 @@ def test_predictions_equal_those_of_scikit_learn_at_the_same_parameters():
 def test_leave_one_out_is_what_leaving_one_out_gives():
     x, y = problem(20)
     model = gp.fit(x, y, directions=1)
-    k = matern.covariance(model.parameters, model.x, gp.JITTER)[0]
+    k = gp.training_covariance(model.parameters, model.x)
     b = (y - model.mean) / model.spread
     for i in range(20):
         rest = np.arange(20) != i

@@ -96,7 +96,7 @@ def fit(x: np.ndarray, y: np.ndarray, directions: int = 0, evaluations: int = 60
     parameters = _search(parameters, a[few], b[few], evaluations)
     if len(few) < len(a):
         parameters = _search(parameters, a, b, evaluations // 2)
-    k, _, _ = matern.covariance(parameters, a, JITTER)
+    k = training_covariance(parameters, a)
     factor = cholesky(k, lower=True)
     inverse = cho_solve((factor, True), np.eye(len(factor)))
     weights = cho_solve((factor, True), b)
@@ -106,13 +106,21 @@ def fit(x: np.ndarray, y: np.ndarray, directions: int = 0, evaluations: int = 60
     return GaussianProcess(a, shift, scale, weights, parameters, mean, spread, inverse, missed)
 
 
-def negative_log_posterior(parameters: np.ndarray, a: np.ndarray, b: np.ndarray) -> tuple[float, np.ndarray]:
+def training_covariance(parameters: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Covariance (n, n) of outputs with their noise at standardised inputs (n, d)."""
+    upper = matern.covariance(parameters, a, JITTER, matern.Memory.of(len(a)))
+    return np.triu(upper) + np.triu(upper, 1).T
+
+
+def negative_log_posterior(
+    parameters: np.ndarray, a: np.ndarray, b: np.ndarray, memory: matern.Memory
+) -> tuple[float, np.ndarray]:
     """Value and gradient for standardised data a (n, d), b (n,).
 
     `parameters`: logarithms of d length scales, signal, linear and noise, then the directions (d, p) flat.
     """
     n, d = a.shape
-    k, stationary, slope = matern.covariance(parameters, a, JITTER)
+    k = matern.covariance(parameters, a, JITTER, memory)
     # One block of memory holds the covariance, its factor, its inverse and w wᵀ − inverse in turn.
     factor, failed = dpotrf(k.T, lower=1, overwrite_a=1)
     if failed:
@@ -120,7 +128,7 @@ def negative_log_posterior(parameters: np.ndarray, a: np.ndarray, b: np.ndarray)
     weights, _ = dpotrs(factor, b, lower=1)
     value = 0.5 * b @ weights + np.log(factor.diagonal()).sum() + 0.5 * n * np.log(2 * np.pi)
     inverse, _ = dpotri(factor, lower=1, overwrite_c=1)
-    gradient = matern.gradient(parameters, a, inverse.T, weights, stationary, slope, JITTER)
+    gradient = matern.gradient(parameters, a, inverse.T, weights, memory.value, memory.slope, JITTER)
     ahead = len(parameters) - d - 3
     centre, width = (
         np.array([LENGTH[i]] * d + [SIGNAL[i], LINEAR[i], NOISE[i]] + [DIRECTION[i]] * ahead) for i in (0, 1)
@@ -134,8 +142,9 @@ def _search(parameters, a, b, evaluations):
     bounds = [(-4.0, 12.0)] * d + [(-6.0, 2.5), (-12.0, 2.5), (-13.0, 1.0)]
     bounds += [(-5.0, 5.0)] * (len(parameters) - len(bounds))
     options = {"maxfun": evaluations, "maxiter": evaluations, "ftol": GAIN}
+    data = (a, b, matern.Memory.of(len(a)))
     found = minimize(
-        negative_log_posterior, parameters, args=(a, b), jac=True, method="L-BFGS-B", bounds=bounds, options=options
+        negative_log_posterior, parameters, args=data, jac=True, method="L-BFGS-B", bounds=bounds, options=options
     )
     return found.x
 

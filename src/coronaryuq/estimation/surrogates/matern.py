@@ -6,41 +6,87 @@ arithmetic, at a few dozen the calls between array operations do.
 `parameters`: as in `gaussian_process.negative_log_posterior`.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from coronaryuq.core.jit import njit
 
 
-@njit(cache=True)
-def covariance(parameters: np.ndarray, a: np.ndarray, jitter: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Covariance (n, n) of outputs at standardised inputs (n, d), its Matérn 5/2 part, and its slope by r².
+@dataclass(frozen=True)
+class Memory:
+    """Arrays for `covariance` of n inputs, filled anew by each call: fresh memory costs more than the arithmetic.
 
-    jitter: what is added to the noise, of a variance of one and of the signal's.
+    Each of (n, n), of which the upper triangle counts: covariance of outputs, its Matérn 5/2 part, its slope by r².
+    roots, fall (n (n − 1) / 2,): √5 r of the pairs above the diagonal, row after row, and exp(−√5 r).
     """
+
+    outputs: np.ndarray
+    value: np.ndarray
+    slope: np.ndarray
+    roots: np.ndarray
+    fall: np.ndarray
+
+    @classmethod
+    def of(cls, n: int) -> "Memory":
+        pairs = n * (n - 1) // 2
+        return cls(np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty(pairs), np.empty(pairs))
+
+
+def covariance(parameters: np.ndarray, a: np.ndarray, jitter: float, memory: Memory) -> np.ndarray:
+    """Fill `memory` for standardised inputs (n, d); return the covariance (n, n) of outputs, its upper triangle.
+
+    jitter: what is added to the noise, of a variance of one and of the signal's. The exponential is NumPy's, which
+    takes several numbers at a time.
+    """
+    _distances(parameters, a, memory.outputs, memory.roots)
+    np.negative(memory.roots, out=memory.fall)
+    np.exp(memory.fall, out=memory.fall)
+    _fill(parameters, a.shape[1], jitter, memory.outputs, memory.value, memory.slope, memory.roots, memory.fall)
+    return memory.outputs
+
+
+@njit(cache=True)
+def _distances(parameters: np.ndarray, a: np.ndarray, dots: np.ndarray, roots: np.ndarray) -> None:
+    """Set `dots` to products (n, n) of scaled inputs, and `roots`."""
     n, d = a.shape
     p = len(parameters[d + 3 :]) // d
-    signal, linear, noise = np.exp(2 * parameters[d]), np.exp(2 * parameters[d + 1]), np.exp(2 * parameters[d + 2])
-    noise += jitter * (1 + signal)
     scaled = a * np.exp(-parameters[:d])
-    along = a @ np.ascontiguousarray(parameters[d + 3 :]).reshape(d, p)
-    dots, value, slope = scaled @ scaled.T, np.empty((n, n)), np.empty((n, n))
-    norm = np.empty(n)
+    along = (a @ np.ascontiguousarray(parameters[d + 3 :]).reshape(d, p)).T.copy()
+    np.dot(scaled, scaled.T, out=dots)
+    norm, start = np.empty(n), 0
     for i in range(n):
         norm[i] = dots[i, i]
     for i in range(n):
-        for j in range(i):
-            square = norm[i] + norm[j] - 2 * dots[i, j]
-            for q in range(p):
-                square += (along[i, q] - along[j, q]) ** 2
-            square = 5 * max(square, 0.0)
-            root = np.sqrt(square)
-            fall = signal * np.exp(-root)
-            value[i, j] = value[j, i] = fall * (1 + root + square / 3)
-            slope[i, j] = slope[j, i] = -5 / 6 * fall * (1 + root)
-            dots[i, j] = dots[j, i] = value[i, j] + linear * dots[i, j]
+        row = roots[start : start + n - 1 - i]
+        for k in range(len(row)):
+            row[k] = norm[i] + norm[i + 1 + k] - 2 * dots[i, i + 1 + k]
+        for q in range(p):
+            for k in range(len(row)):
+                row[k] += (along[q, i] - along[q, i + 1 + k]) ** 2
+        for k in range(len(row)):
+            row[k] = np.sqrt(5 * max(row[k], 0.0))
+        start += len(row)
+
+
+@njit(cache=True)
+def _fill(
+    parameters: np.ndarray, d: int, jitter: float, outputs: np.ndarray, value: np.ndarray, slope: np.ndarray,
+    roots: np.ndarray, fall: np.ndarray,
+) -> None:  # fmt: skip
+    """Set the upper triangles of the three arrays; `outputs` has products of scaled inputs."""
+    n, start = len(outputs), 0
+    signal, linear, noise = np.exp(2 * parameters[d]), np.exp(2 * parameters[d + 1]), np.exp(2 * parameters[d + 2])
+    noise += jitter * (1 + signal)
+    for i in range(n):
         value[i, i], slope[i, i] = signal, -5 / 6 * signal
-        dots[i, i] = signal + linear * norm[i] + noise
-    return dots, value, slope
+        outputs[i, i] = signal + linear * outputs[i, i] + noise
+        for k in range(n - 1 - i):
+            root, part = roots[start + k], signal * fall[start + k]
+            value[i, i + 1 + k] = part * (1 + root + root**2 / 3)
+            slope[i, i + 1 + k] = -5 / 6 * part * (1 + root)
+            outputs[i, i + 1 + k] = value[i, i + 1 + k] + linear * outputs[i, i + 1 + k]
+        start += n - 1 - i
 
 
 @njit(cache=True)
