@@ -5,6 +5,7 @@ import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators.crossfit import CrossFit, Options, Propagated, combine
+from coronaryuq.estimation.estimators.influence import Between
 
 
 def test_long_tails_widen_the_interval_and_well_known_propagation_narrows_it():
@@ -24,6 +25,20 @@ def test_long_tails_widen_the_interval_and_well_known_propagation_narrows_it():
     assert factor(tailed, empty, none) > 2.5
     wide = [Propagated(rng.normal(0, 100, 20)) for _ in range(5)]
     assert factor(tailed, wide, none) == pytest.approx(1.96, abs=0.01)
+
+
+def test_a_corner_without_runs_adds_no_more_than_the_spread_of_the_quantity():
+    """Two rivals may be any distance apart there; a conditional mean misses no more than the mean does."""
+    draw, fold = generator(4, "corner"), np.arange(30) % 5
+    g = draw.normal(size=30)
+    fit = CrossFit(g + 0.1 * draw.normal(size=30), g, [Propagated(draw.normal(size=40)) for _ in range(5)], fold)
+
+    def residual(factor):
+        between = Between(0.0, 0.0, np.zeros(30), factor)
+        return combine("", fit, 30, Options(beta=1.0, between=between)).residual_variance
+
+    assert residual(3.0) == pytest.approx(3 * residual(1.0))
+    assert residual(1e6) == pytest.approx(np.var(fit.y, ddof=1) / 30)
 
 
 def test_without_a_control_variate_it_is_plain_monte_carlo():

@@ -25,39 +25,30 @@ tested on one problem only.
 def recommended(estimates: Mapping[str, Estimate]) -> str:
     """Return the name of the recommended estimator; one with a warning that speaks against it is never recommended.
 
-    Where `crossfit-GP` has such a warning, plain Monte Carlo takes its place. The error of a chain that all samples
-    share is the same for every estimator and does not count here.
+    Where `crossfit-GP` has such a warning, plain Monte Carlo takes its place. What is compared are the variances that
+    the samples themselves show, the same samples for all estimators: without the error of a chain that all share, and
+    without the extrapolation factor, which says of `crossfit-GP` what holds for the others, too, but nobody knows.
     """
     sound = [name for name in TESTED if name in estimates and (name == "MC" or estimates[name].sound)]
-    common = estimates["MC"].contributions.dependence.shared
-    variance = {name: estimates[name].std ** 2 - common * estimates[name].chain_variance for name in sound}
     usual = "crossfit-GP" if "crossfit-GP" in sound else "MC"
-    better = [
-        name for name in sound if variance[usual] - variance[name] > uncertainty(estimates[name], estimates[usual])
-    ]
-    return min(better, key=lambda name: variance[name], default=usual)
+    seen = {name: estimates[name].contributions.variance for name in sound}
+    better = [name for name in sound if seen[usual] - seen[name] > uncertainty(estimates[name], estimates[usual])]
+    return min(better, key=lambda name: seen[name], default=usual)
 
 
 def uncertainty(one: Estimate, other: Estimate) -> float:
-    """Return the standard error of the difference of two reported variances from the same samples.
+    """Return the standard error of the difference of the variances that the same samples show of two estimates.
 
     A variance is a sum of squares over runs, or over segments of runs that depend on each other; that of propagation
     samples counts where it comes from segments.
     """
     a, b = one.contributions, other.contributions
-    found = _spread(_scaled(one), _scaled(other), a.dependence.pilot)
+    found = _spread(a.pilot, b.pilot, a.dependence.pilot)
     segments = a.segments or b.segments
     if segments is not None and not a.dependence.shared:
         values = [c.propagated if len(c.propagated) else np.zeros(len(segments.long)) for c in (a, b)]
         found += _spread(*values, segments)
     return float(found**0.5)
-
-
-def _scaled(estimate: Estimate) -> np.ndarray:
-    """Return the pilot runs' contributions (n,), with the residuals' part of the variance as their sum of squares."""
-    values = estimate.contributions.pilot
-    size = np.sum(values**2)
-    return values * (estimate.residual_variance / size) ** 0.5 if size > 0 else values
 
 
 def _spread(a: np.ndarray, b: np.ndarray, segments: Segments | None) -> float:

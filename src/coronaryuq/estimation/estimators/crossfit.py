@@ -224,10 +224,9 @@ def combine(method: str, fit: CrossFit, n_0d: int, options: Options = PLAIN) -> 
     values, covariance, towards = weights * centred, 0.0, 0.0
     if between is not None:
         values = values - beta * between.indirect
-        from_residuals *= between.extrapolation_factor
-        covariance, bound = (
-            beta**2 * between.extrapolation_factor * part for part in (between.covariance, between.bound)
-        )
+        factor = _extrapolated(between.extrapolation_factor, estimated, weights * (y - np.average(y, weights=weights)))
+        from_residuals *= factor
+        covariance, bound = (beta**2 * factor * part for part in (between.covariance, between.bound))
         towards = TO_BOUND * max(0.0, bound - covariance)
     from_residuals += covariance + (from_residuals * n / target if target else 0.0)
     chain = [*_chain_variance(fit, weights * centred / weights.sum(), estimated, beta, (beyond, freedom)), chosen]
@@ -262,6 +261,28 @@ def propagation_variance(blocks: Sequence[Propagated], share: np.ndarray) -> flo
 def _contributions(block: Propagated, share: float) -> tuple[np.ndarray, Segments | None]:
     """Return the contributions (m,) of a block's values to the estimate, less their mean, and their segments."""
     return share * (block.values - block.values.mean()) / len(block.values), block.segments
+
+
+def _extrapolated(factor: float, estimated: float, deviations: np.ndarray) -> float:
+    """Return the factor of the residuals' variance, such that it is not above that of y by itself.
+
+    In a corner without runs a conditional mean misses no more of y than the mean of y does, on average. A larger factor
+    comes from two rivals that are far apart there, not from an expected error.
+
+    Parameters
+    ----------
+    factor
+        Expected square of y − g at the propagation samples over that at the pilot's runs.
+    estimated
+        Variance of the mean of the residuals.
+    deviations
+        Weighted deviations (n,) of y from its mean.
+    """
+    if factor <= 1 or estimated == 0:
+        return factor
+    n = len(deviations)
+    alone = float(np.sum(deviations**2)) / (n * (n - 1))
+    return min(factor, max(1.0, alone / estimated))
 
 
 def _coefficient(fit: CrossFit, alone: float, from_blocks: float, beyond: tuple[float, float]) -> tuple[float, Part]:
