@@ -141,7 +141,7 @@ class Parts:
 class RowReport:
     """All estimates of one row.
 
-    recommended: the estimator with the smallest reported standard error among those without a warning. levels: with a
+    recommended: the estimator to quote (`estimators.choice`). levels: with a
     coarse 3D level, variances of the parts of the estimator `multilevel`. emulator_error: held-out mean square error
     over variance of the 0D output's emulator. integrated_exactly: the input with a known law that was integrated.
     warnings: of the runs. numerical_correction: added to every 3D output for mesh, time step and cycles; None where

@@ -78,7 +78,17 @@ def test_the_selector_keeps_its_claims_on_analytic_pairs(name, n):
 def test_benchmark_has_the_fixed_keys():
     got = run(quick=True, trials=3, sizes=(25,), methods=("MFMC",), problems=("smooth",))
     assert got["cells"][0]["coverage_95_low"] <= got["cells"][0]["coverage_95"] <= got["cells"][0]["coverage_95_high"]
-    fixed = {"problem", "method", "n_3d", "trials", "claimed_over_empirical", "coverage_95", "bias_z", "warned"}
+    fixed = {
+        "problem",
+        "method",
+        "n_3d",
+        "trials",
+        "claimed_over_empirical",
+        "coverage_95",
+        "bias_z",
+        "warned",
+        "warned_share",
+    }
     assert fixed <= got["cells"][0].keys()
 
 

@@ -32,7 +32,8 @@ def test_the_page_holds_the_tables_of_the_cells(script):
     page, cells = script.PAGE.read_text(encoding="utf-8"), script.read(script.CELLS)
     for method in script.METHODS:
         assert script.put(page, f"coverage of {method}", script.table(cells, method)) == page, method
-    assert script.put(page, "summary of crossfit-GP", script.summary(cells)) == page
+    for method in script.SUMMARISED:
+        assert script.put(page, f"summary of {method}", script.summary(cells, method)) == page, method
 
 
 def test_trials_that_follow_a_cells_own_are_pooled_with_it(script):

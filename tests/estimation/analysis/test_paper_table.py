@@ -8,7 +8,11 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
+from coronaryuq.estimation.analysis.estimate_rows import estimate_row, prepare
 from coronaryuq.estimation.analysis.paper_table import paper_table
+from coronaryuq.estimation.estimators import per_row
+from coronaryuq.estimation.estimators.design import make_design
+from coronaryuq.estimation.runs.table import read_rows, read_runs
 from coronaryuq.estimation.settings import Settings
 
 SETTINGS = Settings(steps=(12, 8), restarts=1, curve_nodes=9, folds=2)
@@ -40,6 +44,7 @@ def test_strange_quantities_give_finite_numbers(folder):
     json.dumps(lines, allow_nan=False)
     assert [line["row"] for line in lines] == list(COLUMNS)
     still = next(line for line in lines if line["row"] == "constant")
+    assert all(0 <= line["std_best_chain"] <= line["std_best"] for line in lines)
     assert still["mean_best"] == pytest.approx(3) and still["std_best"] == 0 and still["recommended"] == "MC"
     tiny, huge = (next(line for line in lines if line["row"] == name) for name in ("tiny", "huge"))
     assert tiny["std_best"] * 1e24 == pytest.approx(huge["std_best"], rel=1e-3)
@@ -65,3 +70,25 @@ def test_a_row_with_a_column_that_is_not_there_is_one_line(folder, column):
     row = {"row": 1, "column_3d": "osi", "column_0d": "ffr_lad"} | {column: "nope"}
     with pytest.raises(InputError, match="nope: column missing; the file has"):
         table(folder, [row])
+
+
+@pytest.mark.slow
+def test_no_published_row_claims_less_than_the_batch_means_of_its_control_variate(menon):
+    """The published propagation inputs are chains written in turn; row 11 has the largest error of a chain."""
+    runs = read_runs(menon)
+    (row,) = (row for row in read_rows(menon / "table1.csv") if row.name == "11")
+    design = make_design(runs, [row], 5, 1, "R_cor_scaling", most=2)
+    methods, findings = prepare(design, Settings(autoencoder=False), 1, beyond_mean=False)
+    report = estimate_row(row, methods, findings)
+    blocks = design.propagate(per_row.predict(design, row).raw)
+    g = np.empty(len(runs.theta_more))
+    for block, values in zip(design.blocks, blocks, strict=True):
+        g[block.index] = values.values
+    # Means of 500 successive samples. Their variance is known to a third from twenty.
+    batches = g.reshape(20, -1).mean(axis=1)
+    of_chain = batches.std(ddof=1) / 20**0.5
+    assert of_chain > 3 * g.std() / len(g) ** 0.5, "or else this row shows nothing"
+    best = report.estimators["crossfit-GP"]
+    assert best.std > 0.67 * of_chain and best.variance["chain"] > 0.5 * best.std**2
+    # Every estimator's error has that of the chain, and those that differ beyond it say so.
+    assert report.recommended == "crossfit-GP" and not any("disagree" in warning for warning in report.warnings)

@@ -54,9 +54,10 @@ def run(
 ) -> dict:  # fmt: skip
     """Run the benchmark on the analytic pairs, and on published runs if `data` is their folder.
 
-    `warned` is the fraction of trials with a warning. `coverage_95_error` is the binomial standard error of the
-    coverage, `coverage_95_low` and `_high` its Wilson 95 % interval. Method `recommended` runs the whole analysis and
-    takes what it recommends. `methods` may name MFMC-AE, which takes some 5 CPU-s per trial and is left out by default.
+    `warned`, by another name `warned_share`, is the fraction of trials with a warning. `coverage_95_error` is the
+    binomial standard error of the coverage, `coverage_95_low` and `_high` its Wilson 95 % interval. Method
+    `recommended` runs the whole analysis and takes what it recommends. `methods` may name MFMC-AE, which takes some 5
+    CPU-s per trial and is left out by default.
     `quick`: linear methods, 25 and 50 runs, 400 trials.
     """
     if rows and not data:
@@ -96,7 +97,7 @@ def run_cell(problem: Problem, n: int, method: str, trials: int, first: int = 0)
     found = [(truth, e, diagnostics.skewed(e) or diagnostics.unseen(n)) for truth, e in estimates]
     values = [(e.mean - truth, e.std, e.interval.holds(truth)) for truth, e, _ in found]
     warned = float(np.mean([warning is not None for _, _, warning in found]))
-    return cell | judged(*(np.array(v) for v in zip(*values, strict=True))) | {"warned": warned}
+    return cell | judged(*(np.array(v) for v in zip(*values, strict=True))) | _fraction(warned)
 
 
 def _recommended(problem: Problem, n: int, numbers: range) -> dict:
@@ -119,7 +120,11 @@ def _recommended(problem: Problem, n: int, numbers: range) -> dict:
         warned.update(codes | ({"any"} if codes else set()))
     found = judged(*(np.array(v) for v in zip(*values, strict=True)))
     shares = {code: warned[code] / len(numbers) for code in sorted(warned)}
-    return found | {"warned": shares.pop("any", 0.0), "warnings": shares, "recommended": dict(taken)}
+    return found | _fraction(shares.pop("any", 0.0)) | {"warnings": shares, "recommended": dict(taken)}
+
+
+def _fraction(warned: float) -> dict:
+    return {"warned": warned, "warned_share": warned}
 
 
 def run_tail_cells(name: str, n: int, trials: int, first: int = 0) -> list[dict]:

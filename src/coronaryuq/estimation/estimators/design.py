@@ -15,7 +15,7 @@ from coronaryuq.estimation.surrogates.control_variates import Seen
 from coronaryuq.estimation.surrogates.emulator import FAMILIES, Emulator, informative
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
-MOST = 250_000
+MOST = 125_000
 """Predictions of one control variate at most, nodes of an integrated input included."""
 
 
