@@ -46,8 +46,8 @@ def uncertainty(one: Estimate, other: Estimate) -> float:
     found = _spread(a.pilot, b.pilot, a.dependence.pilot)
     segments = a.segments or b.segments
     if segments is not None and not a.dependence.shared:
-        values = [c.propagated if len(c.propagated) else np.zeros(len(segments.long)) for c in (a, b)]
-        found += _spread(*values, segments)
+        one_part, other_part = (c.propagated if len(c.propagated) else np.zeros(len(segments.long)) for c in (a, b))
+        found += _spread(one_part, other_part, segments)
     return float(found**0.5)
 
 
