@@ -239,3 +239,14 @@ def test_the_examples_of_the_page_run(capsys):
 
 def test_it_is_a_public_name():
     assert coronaryuq.estimate is estimate
+
+
+def test_repeated_states_of_an_unnamed_chain_are_told_that_its_error_is_missing():
+    """Their order is lost, and with it what the chain's correlation adds."""
+    rng = generator(3, "unnamed")
+    states = np.cumsum(rng.normal(size=(150, 2)), axis=0) / 10
+    drawn_from = states[rng.integers(150, size=440)]
+    theta, more = drawn_from[:40], drawn_from[40:]
+    found = estimate(theta, expensive(theta), cheap(theta), more, cheap(more))
+    (warning,) = (w for w in found.warnings if w.startswith("dependent samples"))
+    assert "repeated" in warning and "the chain's own error is not known" in warning

@@ -229,8 +229,8 @@ def dependent(dependence: Dependence) -> Finding | None:
     return Finding(
         "dependent samples",
         dependence.reason,
-        "standard errors are those of segments of dependent samples; give columns `chain` and `draw` if these are "
-        "states of a Markov chain",
+        "standard errors are those of segments of dependent samples; of states of a Markov chain, drawn in any order, "
+        "give columns `chain` and `draw`: without them the chain's own error is not known",
     )
 
 
