@@ -16,6 +16,7 @@ from coronaryuq.case.network.build import (
     stenosis_coefficient,
 )
 from coronaryuq.case.network.topology import closed_loop_tree
+from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
 from coronaryuq.synthetic.anatomy import narrowed
 from support.case_files import straight
@@ -151,3 +152,24 @@ def test_heart_parameters_are_the_published_ones_in_cgs(shared):
     assert HEART["Cp"] == pytest.approx(published["Cp"] / MMHG)
     assert HEART["Kxv_ra"] == published["Kxv_ra"] and HEART["Vlv_u"] == published["Vlv_u"]
     assert set(HEART) == set(published) - {"_comment_"}
+
+
+@pytest.mark.parametrize(
+    ("leaving", "remedy"),
+    [
+        (["a"], "nothing feeds it"),
+        (["a", "b"], "several arise from one aorta, joined by a junction"),
+    ],
+)
+def test_a_loop_without_junctions_is_told_what_its_vessels_lack(leaving, remedy):
+    """As svZeroDSolver reads it, the list of junctions may be left out."""
+    network = {
+        "boundary_conditions": [{"bc_name": name, "bc_type": "ClosedLoopRCR"} for name in ("A", "B")],
+        "vessels": [
+            {"vessel_id": k, "vessel_name": name, "boundary_conditions": {"outlet": name.upper()}}
+            for k, name in enumerate("ab")
+        ],
+        "closed_loop_blocks": [{"closed_loop_type": "ClosedLoopHeartAndPulmonary", "outlet_blocks": leaving}],
+    }
+    with pytest.raises(InputError, match=remedy):
+        closed_loop_tree(network, "network.json")

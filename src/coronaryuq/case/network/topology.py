@@ -129,9 +129,10 @@ def closed_loop_tree(network: Mapping[str, Any], path: str | Path) -> Topology:
     InputError
         If something is missing, dangling or connected twice; names the block.
     """
-    vessels, beds, junctions, loops = (
-        _blocks(network, key, path) for key in ("vessels", "boundary_conditions", "junctions", "closed_loop_blocks")
+    vessels, beds, loops = (
+        _blocks(network, key, path) for key in ("vessels", "boundary_conditions", "closed_loop_blocks")
     )
+    junctions = _blocks(network, "junctions", path) if "junctions" in network else []
     if len(loops) != 1 or loops[0].get("closed_loop_type") != HEART_TYPE:
         raise InputError(path, "closed_loop_blocks", None, f"expected one block of type {HEART_TYPE}")
     roots = _get(loops[0], "outlet_blocks", "closed_loop_blocks", path)
@@ -166,7 +167,8 @@ def closed_loop_tree(network: Mapping[str, Any], path: str | Path) -> Topology:
                 raise InputError(path, f"junction {label}", name, "has two upstream junctions")
             fed.add(name)
     if len(roots) != 1 or roots[0] not in names.values():
-        raise InputError(path, "outlet_blocks", roots, "expected the one vessel that leaves the heart")
+        remedy = "expected the one vessel that leaves the heart; several arise from one aorta, joined by a junction"
+        raise InputError(path, "outlet_blocks", roots, remedy)
     for name in names.values():
         if name not in fed and name != roots[0]:
             raise InputError(path, f"vessel {name}", None, "nothing feeds it")
