@@ -235,6 +235,17 @@ def test_an_outlet_far_from_the_wall_has_an_empty_territory(small_tree):
     assert told.startswith("outlet far: its territory is empty")
 
 
+def test_a_single_outlet_of_the_ventricle_is_noted_before_the_posterior_stops(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree, perfusion=None, territory_flows="{file: flows.csv, unit: mL/min}")
+    rows = "name,vessel,perfuses,branch\nlca1,lca1,LV,LAD\nlca2,lca2,{},LCx\nrca1,rca1,RV,RCA\n"
+    words = "outlet lca1 is the only one that perfuses the LV; the posterior"
+    for tissue, flows, noted in (("septum", "lca1,90\n", True), ("LV", "lca1,90\nlca2,60\n", False)):
+        (tmp_path / "outlets.csv").write_text(rows.format(tissue))
+        (tmp_path / "flows.csv").write_text(f"name,flow\n{flows}")
+        findings, lines = check_case(path)
+        assert findings == [] and any(words in line for line in lines) == noted
+
+
 def outlet(name, point):
     return CaseOutlet(
         name=name, label=name, bc=name, vessel=name, block=name, perfuses="LV", branch="LAD", point=point, radius=0.1

@@ -14,7 +14,9 @@ FASTEST = 200.0
 
 
 def outlet_notes(wall: Wall, outlets: Sequence[CaseOutlet], tissue_density: float) -> tuple[str, ...]:
-    """Return a note for each outlet whose territory is empty, or whose flow is too large for its vessel.
+    """Return notes on what stops a campaign or is no artery's flow.
+
+    These are a single outlet that perfuses the LV, an empty territory, and a flow that is too large for its vessel.
 
     Parameters
     ----------
@@ -33,6 +35,11 @@ def outlet_notes(wall: Wall, outlets: Sequence[CaseOutlet], tissue_density: floa
     flows = np.bincount(territory, weights=mass * wall.mesh.cell_data["MBF"], minlength=len(feeding))
     cells = np.bincount(territory, minlength=len(feeding))
     notes = []
+    if len(feeding) == 1:
+        notes.append(
+            f"outlet {feeding[0].name} is the only one that perfuses the LV; the posterior, which tells outlets apart "
+            "by their flows, needs two: a campaign would stop there"
+        )
     for outlet, flow, count in zip(feeding, flows, cells, strict=True):
         velocity = flow / (math.pi * outlet.radius**2)
         if count == 0:
