@@ -40,11 +40,12 @@ def test_runs_of_one_segment_count_as_one():
 
 
 def test_of_equal_estimators_the_usual_one_is_recommended_however_the_variances_fell():
-    """Choosing the smallest variance would take MC in half of the trials, always where its variance is too small."""
+    """Choosing the smallest variance would take MFMC in half of the trials, always where its variance is too small."""
     draw, taken = generator(5, "equal"), []
     for _ in range(200):
         x = draw.normal(size=(2, 50))
-        taken.append(choice.recommended({"MC": plain(x[0]), "crossfit-GP": plain(x[1])}) == "MC")
+        made = {"MC": plain(3 * x[0]), "MFMC": plain(x[0]), "crossfit-GP": plain(x[1])}
+        taken.append(choice.recommended(made) == "MFMC")
     # Beyond one standard error of a normal difference: 16 %, with the scatter of 200 trials.
     assert np.mean(taken) < 0.16 + 3 * (0.16 * 0.84 / 200) ** 0.5
 
@@ -57,3 +58,11 @@ def test_a_clearly_smaller_variance_is_taken_and_an_unsound_one_never():
     assert choice.recommended(made | {"MFMC": replace(made["MFMC"], sound=False)}) == "crossfit-GP"
     unsound = {name: replace(made[name], sound=False) for name in ("MFMC", "crossfit-GP")}
     assert choice.recommended(made | unsound) == "MC"
+
+
+def test_a_control_variate_that_one_run_spoils_is_not_preferred_to_none():
+    """One residual as large as all others together is no significant difference, but neither a gain."""
+    x = generator(5, "spoilt").normal(size=25)
+    spoilt = 0.1 * x
+    spoilt[3] = 12.0
+    assert choice.recommended({"MC": plain(x), "crossfit-GP": plain(spoilt)}) == "MC"
