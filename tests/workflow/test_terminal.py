@@ -10,6 +10,7 @@ import time
 import pytest
 
 from coronaryuq.cli.compare import differences
+from coronaryuq.cli.status import running
 from coronaryuq.core.io.atomic import read_json
 from support import smoke
 
@@ -30,6 +31,24 @@ def coronaryuq(folder, *words):
 
 def notes(folder):
     return list(folder.glob("results/mine/provenance/*.json"))
+
+
+@pytest.mark.slow
+def test_a_campaign_that_is_killed_ends_its_jobs_and_says_what_it_keeps(folder):
+    words = [*COMMAND, "run", "mine.yaml", "results/mine/perfusion/targets.json", "--cores", "1"]
+    # As a shell starts what it runs in the background: interrupts ignored.
+    process = subprocess.Popen(
+        words, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )  # fmt: skip
+    until = time.monotonic() + 300
+    while not notes(folder) and process.poll() is None and time.monotonic() < until:
+        time.sleep(0.05)
+    process.terminate()
+    told = process.communicate(timeout=120)[1]
+    assert process.returncode == 128 + signal.SIGTERM and "Traceback" not in told, told
+    assert re.search(r"\d+ of \d+ steps are there; start it again to go on", told)
+    assert not running(folder / "results" / "mine")
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 from coronaryuq.campaign.progress import Progress, Step, planned
 from coronaryuq.core import shipped
@@ -19,6 +20,8 @@ from coronaryuq.core.errors import InputError
 ERROR = re.compile(r"\berror\b|^Traceback|Error in|Exception", re.IGNORECASE)
 """Lines of Snakemake and of jobs that a reader has to see."""
 WARNED = re.compile(r"^(?:note|warning): |: warning: ")
+ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that end a campaign: Ctrl-C, `kill`, and a terminal that is closed."""
 PAUSE = 0.5
 """Seconds between two looks at the results."""
 STEP = 0.1
@@ -31,6 +34,14 @@ class PlanFailed(Exception):
     def __init__(self, code: int, lines: list[str]):
         super().__init__("\n".join(lines))
         self.code, self.lines = code, lines
+
+
+class Ended(Exception):
+    """The user or the system asked for the end by a signal, whose number it holds."""
+
+    def __init__(self, number: int):
+        super().__init__(number)
+        self.number = number
 
 
 @dataclass(frozen=True)
@@ -87,14 +98,16 @@ def follow(command: Command, progress: Progress) -> int:
     """Run a command with a line of progress; return its exit code.
 
     What Snakemake and its jobs print goes to `logs/run.log` of the campaign; errors and warnings are shown at once.
-    Interrupted, it waits for Snakemake, which ends its jobs, and returns 130.
+    Interrupted or told to end, it interrupts Snakemake, which ends its jobs, waits for it, and returns 128 and the
+    signal's number.
     """
     log = progress.home / "logs" / "run.log"
     log.parent.mkdir(parents=True, exist_ok=True)
-    process = subprocess.Popen(
-        command.words("--quiet", "all"), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-        encoding="utf-8", errors="replace", cwd=command.folder,
-    )  # fmt: skip
+    process = _start(command)
+    for number in ENDING:
+        # One that is ignored, as by nohup, stays so.
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _raise_ended)
     screen = _Screen()
     reader = threading.Thread(target=_read, args=(process, log, screen), daemon=True)
     reader.start()
@@ -104,10 +117,13 @@ def follow(command: Command, progress: Progress) -> int:
                 process.wait(PAUSE)
             progress.look()
             screen.progress(progress)
-    except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sent it to Snakemake too
+    except Ended as ended:
+        for number in ENDING:
+            signal.signal(number, signal.SIG_IGN)
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGINT)
         process.wait()
-        return 130
+        return 128 + ended.number
     finally:
         progress.recount()  # Snakemake removes the files of jobs that it ended
         screen.clear()
@@ -115,6 +131,22 @@ def follow(command: Command, progress: Progress) -> int:
     if process.returncode:
         print(f"Snakemake ended with code {process.returncode}; everything that it printed: {log}", file=sys.stderr)
     return process.returncode
+
+
+def _start(command: Command) -> subprocess.Popen:
+    """Start Snakemake in a process group of its own, in which interrupts are not ignored, whatever they are here."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return subprocess.Popen(
+            command.words("--quiet", "all"), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, encoding="utf-8", errors="replace", cwd=command.folder, process_group=0,
+        )  # fmt: skip
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _raise_ended(number: int, frame: object) -> NoReturn:
+    raise Ended(number)
 
 
 def _read(process: subprocess.Popen, log: Path, screen: "_Screen") -> None:
