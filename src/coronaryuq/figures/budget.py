@@ -21,6 +21,8 @@ def convergence(convergence: str, output: Output) -> None:
     quantity = entries[0].label.split(", ")[0] if entries else ""
     rows = list(dict.fromkeys(entry.row for entry in entries))
     columns = max(len(rows), 1)
+    known = [abs(value) for entry in entries for key, _, _ in SERIES for value in getattr(entry, key) or []]
+    lowest = max(0.0, np.floor(10 * min(known, default=0.0) - 0.2) / 10)
     with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5), squeeze=False, sharex="col") as (
         figure,
         axes,
@@ -43,11 +45,12 @@ def convergence(convergence: str, output: Output) -> None:
                 axes[1][column].plot(np.full(len(means), entry.n_3d), means, ".", ms=3, alpha=0.5, color="black")
             if quantity == "FFR":
                 limit_line(axes[1][column], along="y")
-            axes[0][column].set_ylim(0, 1.03)
+            axes[0][column].set_ylim(lowest, 1.03 - 0.03 * lowest)
+            axes[0][column].tick_params(bottom=False)  # sizes are below the lower panels
             branch = of_row[0].label.split(", ")[-1]
             axes[0][column].set_title(branch, color=colour(branch))
             axes[1][column].set_xlabel("3D runs")
-        axes[0][0].set_ylabel("|ρ|")
+        axes[0][0].set_ylabel("correlation |ρ|")
         axes[1][0].set_ylabel(f"Monte Carlo mean of {quantity}")
         if rows:
             figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=8)
