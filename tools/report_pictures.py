@@ -17,12 +17,12 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from support import browser
 
 WIDTHS = {"desktop": (1280, 900), "tablet": (820, 1180), "phone": (390, 844)}
-SHEETS = {"desktop": (2600, 0.34), "tablet": (2600, 0.4), "phone": (2600, 0.5)}
+SHEETS = {"desktop": (3600, 0.18), "tablet": (3600, 0.2), "phone": (3600, 0.25)}
 """Height of a strip of the page, CSS pixels, and the scale at which strips stand side by side."""
 SHOT = 3000
 """Height of one screenshot at most, pixels; Chromium has a limit."""
-PAGES_IN_A_ROW, DPI = 6, 40
-COLOURS = 128
+PAGES_IN_A_ROW, DPI = 6, 32
+COLOURS = 256
 
 
 def main(page: Path, folder: Path) -> None:
@@ -94,8 +94,8 @@ def printed(tab: browser.Tab, gap: int = 8) -> Image.Image:
 
 
 def save(picture: Image.Image, path: Path) -> None:
-    """Save a picture with few colours, so that it is small."""
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    """Save a picture with a palette of its own, so that it is small."""
+    picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 if __name__ == "__main__":

@@ -178,6 +178,9 @@ def test_where_ffr_is_read_is_compared_with_what_experts_advise(card):
     assert past == "9 mm beyond the lesion, past a branching"
     near = card(reading=0.6, stenosis=read_at(1.6, "branch"))["reading"]
     assert near["words"] == "6 mm beyond the lesion, the last place before its vessel branches (15 mm were asked for)"
+    apart = card(reading=0.3, stenosis=read_at(1.6, "branch"))["reading"]
+    assert apart["words"] == "3 mm beyond the lesion", "0D's place is the last before the branching"
+    assert apart["by_0d"].endswith("6 mm beyond it, the last place before its vessel branches (15 mm were asked for).")
     assert card()["reading"]["words"] == ""
 
 

@@ -187,11 +187,14 @@ def _reading(lesion: Lesion) -> dict:
     mm, read = round(10 * distance), stenosis.read
     in_0d = 0.0 if read is None or stenosis.end is None else 10 * (read.arc - stenosis.end)
     words = f"{mm} mm beyond the lesion{', past a branching' if lesion.past_branching else ''}"
+    stop = ""
     if read is not None and read.stop is not None:
-        words += f", {STOPS[read.stop]} ({10 * read.asked:g} mm were asked for)"
+        stop = f", {STOPS[read.stop]} ({10 * read.asked:g} mm were asked for)"
     by_0d = ""
     if abs(10 * distance - in_0d) >= 1:
         place = f"{in_0d:.0f} mm beyond it" if in_0d >= 0.5 else "at the lesion's end"
-        by_0d = f"The 0D model, which helps to estimate it, reads {place}."
+        by_0d = f"The 0D model, which helps to estimate it, reads {place}{stop}."
+    else:
+        words += stop
     advised = ADVISED_MM[0] <= mm <= ADVISED_MM[1]
     return {"words": words, "advised": advised, "advice": "{} to {} mm".format(*ADVISED_MM), "by_0d": by_0d}

@@ -51,6 +51,16 @@ def test_the_interval_of_what_no_run_has_shown_follows_the_rule_of_three():
         assert all_of_them.complement.high == pytest.approx(none.high, abs=1e-12)
 
 
+def test_a_zone_that_no_run_has_shown_is_no_more_probable_than_all_up_to_its_end():
+    at = norm.ppf(0.03) * np.sqrt(VARIANCE)
+    lowest, up_to = [], []
+    for design, y, predictions in linear_trials()[:60]:
+        lowest.append(tails.zones(design, y, predictions, (-8.0, at))[0].high)
+        up_to.append(tails.probability(design, y, predictions, at).high)
+    assert np.min(up_to) < 3 / N
+    assert (np.array(lowest) <= np.array(up_to) + 1e-12).all()
+
+
 def test_dependent_runs_count_as_fewer():
     twice = Segments(np.arange(60) // 2, np.arange(60) // 2)
     assert Dependence().effective(60) == pytest.approx(60)

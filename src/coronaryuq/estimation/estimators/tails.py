@@ -66,10 +66,15 @@ def zones(
     def share(above: float, at_most: float) -> _Share:
         return _probability(design, y, predictions, variances, (above, at_most), level)
 
-    reached = np.maximum.accumulate([np.clip(share(-np.inf, limit).value, 0, 1) for limit in limits])
-    values, found = np.diff([0.0, *reached, 1.0]), []
-    for value, (above, at_most) in zip(values.tolist(), pairwise((-np.inf, *limits, np.inf)), strict=True):
-        probability = _bounded(value, share(above, at_most), level)
+    below = [share(-np.inf, limit) for limit in limits]
+    reached = np.maximum.accumulate([np.clip(part.value, 0, 1) for part in below]).tolist()
+    up_to = [_bounded(value, part, level) for value, part in zip(reached, below, strict=True)]
+    found = []
+    for k, (above, at_most) in enumerate(pairwise((-np.inf, *limits, np.inf))):
+        probability = _bounded(np.diff([0.0, *reached, 1.0])[k].item(), share(above, at_most), level)
+        # A zone is no more probable than all up to a limit beyond it, or from one before it on.
+        most = min([1.0, *(part.high for part in up_to[k:]), *(1 - part.low for part in up_to[:k])])
+        probability = replace(probability, high=max(probability.value, min(probability.high, most)))
         found.append(Probability(**asdict(probability), above=_finite(above), at_most=_finite(at_most)))
     return found
 
