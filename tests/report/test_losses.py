@@ -17,7 +17,7 @@ def test_errors_in_runs_left_out_and_certain_losses_are_shown(tmp_path):
     assert "by 0.0167 (LAD; root mean square)" in found["sentence"] and "0.0008" in found["sentence"]
     (row,) = found["rows"]
     (row_named,) = learnt(files, ["LAD"], {"a": "LAD", "b": "LAD"})["rows"]
-    assert row_named["where"] == "LAD (a_seg0, b)"
+    assert row_named["where"] == "LAD (part 1)"
     assert row["where"] == "a_seg0, b" and row["added"] == "-0.94 ± 0.17" and row["own"] == "3.37"
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.report.network_names import part_of
 
 
 def learnt(files: Mapping[str, str], stenoses: list[str], names: Mapping[str, str]) -> dict:
@@ -43,7 +44,10 @@ def learnt(files: Mapping[str, str], stenoses: list[str], names: Mapping[str, st
 
 
 def _where(parts: list[str], names: Mapping[str, str]) -> str:
-    """Return the arteries of some 0D vessels, with the vessels themselves in brackets."""
-    arteries = dict.fromkeys(names.get(part.partition("_seg")[0], "") for part in parts)
-    known = ", ".join(filter(None, arteries))
-    return f"{known} ({', '.join(parts)})" if known else ", ".join(parts)
+    """Return the vessels of which some 0D vessels are parts, with the parts' numbers."""
+    numbers: dict[str, list[int]] = {}
+    for part in parts:
+        vessel, number = part_of(part, names) or (names.get(part, part), 0)
+        numbers.setdefault(vessel, []).append(number)
+    words = {vessel: ", ".join(map(str, filter(None, of))) for vessel, of in numbers.items()}
+    return ", ".join(f"{vessel} (part {of})" if of else vessel for vessel, of in words.items())

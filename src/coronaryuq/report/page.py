@@ -24,6 +24,7 @@ from coronaryuq.report.embedding import FIRST, data_url, figures_of_sections, un
 from coronaryuq.report.error_budget import includes
 from coronaryuq.report.lesions import Lesion, lesion_card
 from coronaryuq.report.mesh_error import MeshError
+from coronaryuq.report.network_names import InWords
 from coronaryuq.report.numbers import number
 from coronaryuq.report.quantities import kind_of
 from coronaryuq.report.runs3d import quality
@@ -75,6 +76,7 @@ def write_report(
     texts = alternatives(rows, lowest, summary, _names(case, rows))
     drawn = figures_of_sections(figures, texts, others={"fit": len(searches[1])})
     # Searches come after the fit to the data.
+    in_words = InWords(readings.names, {outlet.bc: outlet.label for outlet in case.outlets})
     found = discrepancy.searches(*searches, first_figure=FIRST + len(drawn["pictures"]) + len(drawn["fit"]))
     context = {
         "case": case,
@@ -105,7 +107,7 @@ def write_report(
         "losses": losses.learnt(files, [stenosis.name for stenosis in case.stenoses], readings.names),
         "noise": _noise(targets),
         "figures": drawn,
-        "searches": found,
+        "searches": in_words(found),
         "searches_title": discrepancy.title(found),
         "adoption": adoption.adopted(files, invented=bool(found) and all(one["invented"] for one in found)),
         "failed": _failed(failures),

@@ -1,0 +1,56 @@
+"""Names of a 0D network's parts as a reader of the page knows them: `branch2_seg1` is part 2 of the LAD."""
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+_PART = re.compile(r"(\w+)_seg(\d+)")
+
+
+def part_of(name: str, vessels: Mapping[str, str]) -> tuple[str, int] | None:
+    """Return the vessel of the tree of which a 0D vessel is a part, by its readable name, and the part's number."""
+    found = _PART.fullmatch(name)
+    if not found or found[1] not in vessels:
+        return None
+    return vessels[found[1]], int(found[2]) + 1
+
+
+class InWords:
+    """Replaces names of vessels, beds and places of a 0D network in the texts of a result.
+
+    Parameters
+    ----------
+    vessels
+        Readable name of each vessel of the tree.
+    beds
+        Readable name of each outlet, by the name of its bed.
+    """
+
+    def __init__(self, vessels: Mapping[str, str], beds: Mapping[str, str]):
+        self._vessels, self._beds = vessels, beds
+
+    def __call__(self, value: Any) -> Any:
+        """Return a text, or a structure of lists and dictionaries, with readable names; pictures stay as they are."""
+        if isinstance(value, dict):
+            return {key: text if key in ("data", "file", "anchor") else self(text) for key, text in value.items()}
+        if isinstance(value, list):
+            return [self(item) for item in value]
+        return self._text(value) if isinstance(value, str) else value
+
+    def _text(self, text: str) -> str:
+        # A place is between two parts of the network: FROM:TO.
+        text = re.sub(r"\b\w+:(\w+)", lambda found: self._end(found) or found[0], text)
+        text = re.sub(r"\b(\w+_seg\d+):\w+", lambda found: self._part(found[1]) or found[0], text)
+        return re.sub(r"\b\w+\b", lambda found: self._bed(found[0]) or self._part(found[0]) or found[0], text)
+
+    def _end(self, found: re.Match) -> str | None:
+        return f"the end of {self._beds[found[1]]}" if found[1] in self._beds else self._part(found[1])
+
+    def _bed(self, name: str) -> str | None:
+        return f"the {self._beds[name]} bed" if name in self._beds else None
+
+    def _part(self, name: str) -> str | None:
+        if found := part_of(name, self._vessels):
+            return f"{found[0]} (part {found[1]})"
+        # A vessel that has the name of a plain word would be found in any sentence.
+        return None if name.isalpha() else self._vessels.get(name)
