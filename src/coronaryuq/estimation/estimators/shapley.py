@@ -20,6 +20,7 @@ covariance, so that what they miss counts, and of the propagation samples, resam
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import permutations
 from math import factorial
 
@@ -28,6 +29,7 @@ from numpy.polynomial import hermite_e, legendre
 from scipy.special import ndtri
 from scipy.stats import rankdata
 
+from coronaryuq.core.jit import njit
 from coronaryuq.core.seeds import generator
 from coronaryuq.estimation.estimators.design import NODES, WEIGHTS, Design
 from coronaryuq.estimation.estimators.per_row import Predictions
@@ -143,15 +145,72 @@ class _Terms:
     second: np.ndarray
     higher: np.ndarray
 
-    def explained(self, q: np.ndarray) -> np.ndarray:
-        """Return var(E[Y | z_u]) (...) for cov(E[z | z_u]) (..., d, d)."""
+    def explained(self, q: np.ndarray) -> float:
+        """Return var(E[Y | z_u]) for Q = cov(E[z | z_u]), q (d, d)."""
         product = self.second @ q
-        found = q @ self.first @ self.first + 2 * np.einsum("...ij,...ji->...", product, product)
-        power = q * q  # a running product: a general power is most of the cost
-        for degree, a in enumerate(self.higher, start=3):
-            power = power * q
-            found = found + factorial(degree) * (power.reshape(*q.shape[:-2], -1) @ np.outer(a, a).ravel())
-        return found
+        found, power = self.first @ q @ self.first + 2 * np.sum(product * product.T), q * q
+        for factors in self._of_powers:
+            power = power * q  # a general power is most of the cost
+            found = found + np.sum(factors * power)
+        return float(found)
+
+    def nested(self, columns: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """Return var(E[Y | z_u]) (b, players) for the nested sets u of each order.
+
+        columns (b, d, d): per order, those of a Cholesky factor, one a row. ends (b, players): the last column of each
+        set.
+        """
+        return _nested(columns, ends, self.first, self.second, self._of_powers)
+
+    @cached_property
+    def _of_powers(self) -> np.ndarray:
+        """Return p! a_p a_p' (p, d, d), the factors of the powers of Q from the third on."""
+        factorials = np.array([factorial(p) for p in range(3, 3 + len(self.higher))], dtype=float)
+        return factorials[:, None, None] * self.higher[:, :, None] * self.higher[:, None, :]
+
+
+@njit(cache=True, fastmath={"reassoc"})
+def _nested(columns, ends, first, second, of_powers):
+    orders, d = columns.shape[:2]
+    players, degrees = ends.shape[1], len(of_powers)
+    explained = np.empty((orders, players))
+    q, within, power = np.empty((d, d)), np.empty((d, d)), np.empty(d)
+    for order in range(orders):
+        q[:], linear, quadratic, player = 0.0, 0.0, 0.0, 0
+        for k in range(d):
+            column = columns[order, k]
+            slope = 0.0
+            for i in range(d):
+                slope += first[i] * column[i]
+                inner = 0.0
+                for j in range(d):
+                    inner += second[i, j] * column[j]
+                within[k, i] = inner
+                for j in range(i, d):
+                    q[i, j] += column[i] * column[j]
+            linear += slope * slope
+            # The square of the norm of L_u' A L_u grows by its last row and column.
+            for j in range(k + 1):
+                inner = 0.0
+                for i in range(d):
+                    inner += columns[order, j, i] * within[k, i]
+                quadratic += (1.0 if j == k else 2.0) * inner * inner
+            if k < ends[order, player]:
+                continue
+            higher = 0.0
+            for i in range(d):
+                for j in range(i, d):
+                    power[j] = q[i, j] * q[i, j]
+                for p in range(degrees):
+                    of_row = 0.0
+                    for j in range(i, d):
+                        power[j] *= q[i, j]
+                        of_row += of_powers[p, i, j] * power[j]
+                    # Q is symmetric: twice what is right of the diagonal.
+                    higher += 2.0 * of_row - of_powers[p, i, i] * power[i]
+            explained[order, player] = linear + 2.0 * quadratic + higher
+            player += 1
+    return explained
 
 
 @dataclass(frozen=True)
@@ -276,17 +335,15 @@ def _orders(players: int, rng: np.random.Generator) -> np.ndarray:
 def _shares(terms: _Terms, correlation: np.ndarray, members: list[np.ndarray], orders: np.ndarray) -> np.ndarray:
     """Return Shapley effects and total indices (2, players)."""
     correlation = (correlation + JITTER * np.eye(len(correlation))) / (1 + JITTER)
-    whole = float(terms.explained(correlation))
+    whole = terms.explained(correlation)
     if whole <= 0:
         return np.zeros((2, len(members)))
     inputs = np.array([np.concatenate([members[p] for p in order]) for order in orders])
     permuted = correlation[inputs[:, :, None], inputs[:, None, :]]
     factor = np.take_along_axis(np.linalg.cholesky(permuted), np.argsort(inputs, axis=1)[:, :, None], axis=1)
     columns = np.ascontiguousarray(factor.swapaxes(1, 2))
-    nested = columns[:, :, :, None] * columns[:, :, None, :]
-    np.cumsum(nested, axis=1, out=nested)
     ends = np.cumsum([[len(members[p]) for p in order] for order in orders], axis=1) - 1
-    explained = terms.explained(nested[np.arange(len(orders))[:, None], ends])
+    explained = terms.nested(columns, ends)
     gains = np.diff(explained, axis=1, prepend=0.0)
     shapley = np.zeros(len(members))
     np.add.at(shapley, orders, gains / len(orders))
@@ -294,5 +351,5 @@ def _shares(terms: _Terms, correlation: np.ndarray, members: list[np.ndarray], o
     for of in members:
         rest = np.setdiff1d(np.arange(len(correlation)), of)
         known = correlation[:, rest] @ np.linalg.solve(correlation[np.ix_(rest, rest)], correlation[rest])
-        total.append(whole - float(terms.explained(known)))
+        total.append(whole - terms.explained(known))
     return np.array([shapley / whole, np.array(total) / whole])
