@@ -2,12 +2,19 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
+from coronaryuq.posterior.model.linearised import Linearised
 from coronaryuq.posterior.sampler.diagnostics import good_enough, pareto_smoothed
-from coronaryuq.posterior.sampler.exploration import Walk, explore, explorers
+from coronaryuq.posterior.sampler.exploration import Steps, Walk, explore
 from coronaryuq.posterior.sampler.independence import Independence
 from coronaryuq.posterior.settings import DreamSettings, IndependenceSettings, Settings
 from support.known_targets import assert_moments, ess, exchange_asymmetry, gaussian, no_output, overdispersed
+
+
+def about(start):
+    """The Gaussian of the first states, which are wider spread than the target and off its mean."""
+    return Linearised(start.mean(axis=0), np.linalg.cholesky(np.linalg.inv(np.cov(start.T))))
 
 
 def run(log_density, screen, start, draws, walk=None, seed=1):
@@ -16,7 +23,7 @@ def run(log_density, screen, start, draws, walk=None, seed=1):
         dream=DreamSettings(chains=len(start), generations=1000), independence=IndependenceSettings(draws=draws)
     )
     if walk is None:
-        walk, rhat = explore(screen, start, settings.dream, seed)
+        walk, rhat = explore(screen, start, about(start), settings.dream, seed)
         assert rhat < 1.05
     chains = Independence(no_output(log_density), screen, walk, settings, seed)
     state, states, weights = chains.start(start), [], []
@@ -79,11 +86,15 @@ def test_twisted_target():
     assert_moments(normal, np.zeros(5), np.eye(5))
 
 
-def test_detailed_balance_with_few_partners_and_a_short_walk():
-    """Neither the length of the walk nor the partners decide whether the draws are exact."""
+def poor_walk(mean, covariance, generations):
+    """Steps of a t that is too wide, and beside the target."""
+    return Walk(mean + 1, np.linalg.cholesky(2 * covariance), generations, np.empty((0, len(mean))))
+
+
+def test_detailed_balance_with_poor_and_few_steps():
+    """Neither the length of the walk nor its t decide whether the draws are exact."""
     mean, covariance, log_density = target = gaussian(3)
-    partners = np.random.default_rng(4).multivariate_normal(mean + 1, 2 * covariance, size=40)
-    walk = Walk(partners, np.array([0.2, 0.3, 0.5]), 4)
+    walk = poor_walk(mean, covariance, 4)
 
     def advance(seed, x):
         chains = Independence(no_output(log_density), wrong(log_density), walk, Settings(), seed)
@@ -94,15 +105,30 @@ def test_detailed_balance_with_few_partners_and_a_short_walk():
     assert np.all(np.abs(exchange_asymmetry(advance, target)) < 4.5)
 
 
+def test_steps_leave_a_heavy_tailed_target_invariant_and_cross_its_tails():
+    """A t of 3 degrees of freedom in 30 dimensions, by steps of one of 5: squared radii have the F distribution."""
+    d, freedom, n = 30, 3.0, 400
+    random = np.random.default_rng(3)
+    start = random.standard_normal((n, d)) / np.sqrt(random.chisquare(freedom, size=(n, 1)) / freedom)
+
+    def target(x):
+        return -0.5 * (freedom + d) * np.log1p(np.sum(x**2, axis=1) / freedom)
+
+    def within(x):
+        return stats.f.cdf(np.sum(x**2, axis=1) / d, d, freedom)
+
+    x, _, accepted, _ = Steps(np.zeros(d), np.eye(d)).walk(target, start, 200, np.random.default_rng(4))
+    assert accepted.mean() > 0.6 * 200
+    assert stats.kstest(within(x), "uniform").pvalue > 1e-3
+    assert abs(np.corrcoef(within(start), within(x))[0, 1]) < 4.5 / np.sqrt(n)
+
+
 def test_many_chains_of_exact_draws_stay_exact():
     """After six steps with a wrong emulator, 600 independent chains have moved and have the target's moments."""
     mean, covariance, log_density = gaussian(5)
     start = np.random.default_rng(0).multivariate_normal(mean, covariance, size=600)
-    partners = np.random.default_rng(4).multivariate_normal(mean, covariance, size=60)
     settings = Settings(dream=DreamSettings(chains=600))
-    chains = Independence(
-        no_output(log_density), wrong(log_density), Walk(partners, np.full(3, 1 / 3), 40), settings, 2
-    )
+    chains = Independence(no_output(log_density), wrong(log_density), poor_walk(mean, covariance, 40), settings, 2)
     state = chains.start(start)
     for _ in range(6):
         chains.advance(state)
@@ -167,7 +193,3 @@ def test_pareto_k_needs_enough_runs():
     assert pareto_smoothed(np.zeros(240))[0] == 0
     assert np.isnan(pareto_smoothed(np.linspace(0, 1, 20))[0])
     assert np.isnan(pareto_smoothed(np.where(np.arange(240) < 100, 0.0, -np.inf))[0])
-
-
-def test_chains_on_the_emulator_are_even_and_outnumber_its_dimensions():
-    assert [explorers(24, 5), explorers(24, 12), explorers(24, 13), explorers(12, 41)] == [24, 24, 26, 82]

@@ -164,12 +164,17 @@ class Dream:
         """Move one half of the chains, indices `movers`, with partners at `pool` (m, d). Changes `state`."""
         spread = state.position.std(axis=0)
         before = state.position[movers]
-        if self.screen is None:
-            proposal = self._propose(before, pool, state.crossover, random)
-            after, log_ratio, moved = proposal.position, proposal.log_ratio, np.ones(len(movers), dtype=bool)
-        else:
+        if self.screen is not None:
             after, here, there, moved = self._screened(state, movers, pool, spread, random)
-            log_ratio = here - there
+            self._decide(state, movers, after, here, there, moved, random)
+            return
+        proposal = self._propose(before, pool, state.crossover, random)
+        zero = np.zeros(len(movers))
+        accept = self._decide(state, movers, proposal.position, proposal.log_ratio, zero, zero == 0, random)
+        self._credit(state, proposal, np.where(accept[:, None], proposal.position - before, 0.0), spread)
+
+    def _decide(self, state, movers, after, here, there, moved, random) -> np.ndarray:
+        """Run the target at `after` where it `moved`; return who goes there. here, there: log density of proposing."""
         threshold = np.log(random.uniform(size=len(movers)))
         log_density = np.full(len(movers), -np.inf)
         output = state.output[movers]
@@ -179,9 +184,7 @@ class Dream:
         if self.screen is not None:
             state.log_weight[movers] = np.where(moved, log_density, state.log_density[movers]) - there
         with np.errstate(invalid="ignore"):
-            accept = moved & (threshold < log_density - state.log_density[movers] + log_ratio)
-        if self.screen is None:
-            self._credit(state, proposal, np.where(accept[:, None], after - before, 0.0), spread)
+            accept = moved & (threshold < log_density - state.log_density[movers] + here - there)
         if self.adjust is not None and np.any(accept):
             after[accept] = self.adjust(after[accept])
             log_density[accept], output[accept] = self.target(after[accept])
@@ -191,6 +194,7 @@ class Dream:
         state.log_density[chosen] = log_density[accept]
         state.output[chosen] = output[accept]
         state.accepted[chosen] += 1
+        return accept
 
     def _screened(self, state, movers, pool, spread, random):
         """`every` generations on the emulator; returns where they led, log q(x), log q(y), and who moved."""

@@ -12,7 +12,7 @@ from coronaryuq.posterior.model.linearised import Linearised
 from coronaryuq.posterior.model.total_resistance import Rescaled
 from coronaryuq.posterior.sampler.diagnostics import good_enough, pareto_smoothed
 from coronaryuq.posterior.sampler.dream import Dream, Map, State, Target
-from coronaryuq.posterior.sampler.exploration import EXPLORED, Walk, explore, explorers
+from coronaryuq.posterior.sampler.exploration import EXPLORED, Walk, explore
 from coronaryuq.posterior.settings import Settings
 
 BURN_IN = 5
@@ -21,7 +21,7 @@ BURN_IN = 5
 PILOT = 10
 """Pilot runs per chain."""
 
-ATTEMPTS = 3
+ATTEMPTS = 4
 """Emulators that are tried, each fitted to all runs made so far."""
 
 
@@ -46,38 +46,27 @@ class Independence(Dream):
     """Markov chains whose proposals are nearly independent draws of the emulator q, exact for any q.
 
     Each draw is DREAM's decision with an emulator: a walk of `walk.generations` steps on q, from x to y, and y accepted
-    with probability min(1, p(y) q(x) / (p(x) q(y))). But the partners of a walk are a random subset of fixed states,
-    drawn before it begins, and not the other chains: chains move independently, all at once, and nothing adapts. Given
-    the partners, the walk is reversible with respect to q, so that every draw leaves p invariant, however short the
-    walk and however poor q. A walk that forgets x proposes an independent draw of q, and if q is near p, the effective
-    size is near the number of draws.
+    with probability min(1, p(y) q(x) / (p(x) q(y))). But the steps are those of `walk`, which need no other chain:
+    chains move independently, all at once, and nothing adapts. The walk is reversible with respect to q, so that every
+    draw leaves p invariant, however short the walk and however poor q. A walk that forgets x proposes an independent
+    draw of q, and if q is near p, the effective size is near the number of draws.
     """
 
     def __init__(self, target: Target, screen: Map, walk: Walk, settings: Settings, seed: int, length: int = 1):
-        fixed = settings.dream.model_copy(update={"adapt_crossovers": False})
-        super().__init__(target, fixed, seed, screen=screen, every=walk.generations)
-        self.walk, self.burn_in = walk, BURN_IN
+        super().__init__(target, settings.dream, seed, screen=screen, every=walk.generations)
+        self.emulator, self.steps, self.burn_in = screen, walk.steps, BURN_IN
         self.decisions = BURN_IN + length * (settings.independence.draws - BURN_IN)
-
-    def start(self, position: np.ndarray, evaluated: tuple[np.ndarray, np.ndarray] | None = None) -> State:
-        state = super().start(position, evaluated)
-        state.crossover = self.walk.crossover.copy()
-        return state
 
     def advance(self, state: State) -> None:
         """Make one draw of every chain. Changes `state`."""
         draw = int(state.generation) // self.every
         random = generator(self.seed, "independence", "draw", draw)
         self._count_from_here(state, draw)
-        partners = self.walk.partners
-        pool = partners[random.choice(len(partners), size=pool_size(*partners.shape), replace=False)]
-        self.move(state, np.arange(len(state.position)), pool, random)
+        here = self.emulator(state.position)
+        after, there, accepted, _ = self.steps.walk(self.emulator, state.position, self.every, random)
+        state.screen_accepted += accepted
+        self._decide(state, np.arange(len(after)), after, here, there, accepted > 0, random)
         self._decided(state)
-
-
-def pool_size(count: int, dimension: int) -> int:
-    """Partners of one walk: enough for their differences to span the space several times."""
-    return min(count, max(4 * (dimension + 1), 12))
 
 
 def try_emulator(
@@ -86,26 +75,26 @@ def try_emulator(
     """Run the model at draws of the emulator and decide by their Pareto k; all ranks together.
 
     Where these runs find the emulator too poor, it is fitted to them as well, and tried again: they lie where the first
-    design, coordinates `y` (n, d) with `flows` (n, N), had too few. So it is once wherever that can help, that is
-    unless no ratio is twice their mean.
+    design, coordinates `y` (n, d) with `flows` (n, N), had too few. So it is `ATTEMPTS` times, since a pilot costs little
+    beside the chains, unless no ratio is twice their mean.
     """
     dream, ranks, space, likelihood = settings.dream, posterior.ranks, posterior.space, posterior.likelihood
     assert not isinstance(space, Rescaled)  # its states have no emulator
-    start, made, k_hat, refused = y[: explorers(dream.chains, y.shape[1])], 0, np.nan, ""
+    start, made, k_hat, refused = y[: dream.chains], 0, np.nan, ""
     for attempt in range(ATTEMPTS):
         emulator = ranks.run_on_first(partial(Emulator.of_runs, space, likelihood, linearised, y, flows))
         screen = emulator.screen(space, likelihood)
-        walk, rhat = ranks.run_on_first(partial(explore, screen, start, dream, seed))
+        walk, rhat = ranks.run_on_first(partial(explore, screen, start, linearised, dream, seed))
         if not rhat < EXPLORED:
             refused = f"R-hat of chains on the emulator is {rhat:.3f}, should be below {EXPLORED}"
             break
         random = generator(seed, "independence", "pilot", attempt)
-        count = min(PILOT * dream.chains, len(walk.partners))
-        points = walk.partners[random.choice(len(walk.partners), size=count, replace=False)]
+        count = min(PILOT * dream.chains, len(walk.draws))
+        points = walk.draws[random.choice(len(walk.draws), size=count, replace=False)]
         log_density, at_points = posterior(points)
         made += count
         k_hat, weights = pareto_smoothed(log_density - screen(points))
-        if good_enough(k_hat, weights, settings.independence.k_limit if attempt else -np.inf):
+        if good_enough(k_hat, weights, settings.independence.k_limit if attempt == ATTEMPTS - 1 else -np.inf):
             chosen = random.choice(count, size=dream.chains, p=weights)
             return Pilot(emulator, walk, made, k_hat, "", (points[chosen], log_density[chosen], at_points[chosen]))
         refused = (
