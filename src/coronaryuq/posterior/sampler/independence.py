@@ -75,8 +75,8 @@ def try_emulator(
     """Run the model at draws of the emulator and decide by their Pareto k; all ranks together.
 
     Where these runs find the emulator too poor, it is fitted to them as well, and tried again: they lie where the first
-    design, coordinates `y` (n, d) with `flows` (n, N), had too few. So it is `ATTEMPTS` times, since a pilot costs little
-    beside the chains, unless no ratio is twice their mean.
+    design, coordinates `y` (n, d) with `flows` (n, N), had too few. So it is `ATTEMPTS` times, unless no ratio is twice
+    their mean: a pilot costs little beside the chains.
     """
     dream, ranks, space, likelihood = settings.dream, posterior.ranks, posterior.space, posterior.likelihood
     assert not isinstance(space, Rescaled)  # its states have no emulator
