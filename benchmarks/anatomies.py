@@ -16,6 +16,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -39,7 +40,7 @@ CORES = "2"
 QUESTION = re.compile(r"flow: not given|perfuses of|branch of")
 
 
-def run(folder: Path, *words: str) -> dict[str, object]:
+def run(folder: Path, *words: str) -> dict[str, Any]:
     """Run a command of coronaryuq; return its exit code, wall and CPU seconds, and its last line."""
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
     command = [sys.executable, "-m", "coronaryuq.cli.main", *words]
@@ -90,11 +91,11 @@ def _write(path: Path, rows: list[dict[str, str]]) -> None:
         writer.writerows(rows)
 
 
-def measure(work: Path, source: Path) -> dict[str, object]:
+def measure(work: Path, source: Path) -> dict[str, Any]:
     """Return the times of one anatomy, up to the first command that fails."""
     name = re.sub(r"\W+", "-", "-".join(source.resolve().with_suffix("").parts[-2:]))
     folder = work / name
-    line: dict[str, object] = {"anatomy": name}
+    line: dict[str, Any] = {"anatomy": name}
     line["init"] = run(work, "init", str(source.resolve()), "--into", name, "--yes")
     if not (folder / "case.yaml").exists():
         return line
@@ -109,7 +110,7 @@ def measure(work: Path, source: Path) -> dict[str, object]:
     line["notes"] = [*summary.notes]
     target = [] if summary.stenoses and found.case.description.anatomy else ["posterior"]
     line["run"] = run(folder, "run", "campaign.yaml", *target, "--cores", CORES)
-    line["minutes"] = round(sum(line[key]["wall"] for key in ("init", "check", "run")) / 60, 2)  # type: ignore[index]
+    line["minutes"] = round(sum(line[key]["wall"] for key in ("init", "check", "run")) / 60, 2)
     line["ffr"] = _ffr(folder / "results" / name)
     return line
 

@@ -46,7 +46,7 @@ def test_numbers_that_appear_twice_agree(results):
     assert np.allclose(table[sources].sum(axis=1), table["std"] ** 2)
     text = re.sub(r"<[^>]*>|,", "", (results / "report.html").read_text())
     total, *parts = re.search(
-        r"(\d+) 0D runs \((\d+) at the inputs of 3D runs (\d+) for propagation (\d+)", text
+        r"0D runs: (\d+) \((\d+) at the inputs of 3D runs (\d+) for propagation (\d+)", text
     ).groups()
     assert int(total) == sum(map(int, parts))
 

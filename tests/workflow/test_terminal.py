@@ -33,17 +33,22 @@ def notes(folder):
     return list(folder.glob("results/mine/provenance/*.json"))
 
 
-@pytest.mark.slow
-def test_a_campaign_that_is_killed_ends_its_jobs_and_says_what_it_keeps(folder):
+def started(folder, jobs, interrupts):
+    """A campaign of which so many jobs have ended; interrupts: SIG_DFL, or SIG_IGN as in the background of a shell."""
     words = [*COMMAND, "run", "mine.yaml", "results/mine/perfusion/targets.json", "--cores", "1"]
-    # As a shell starts what it runs in the background: interrupts ignored.
     process = subprocess.Popen(
         words, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+        preexec_fn=lambda: signal.signal(signal.SIGINT, interrupts),
     )  # fmt: skip
     until = time.monotonic() + 300
-    while not notes(folder) and process.poll() is None and time.monotonic() < until:
+    while len(notes(folder)) < jobs and process.poll() is None and time.monotonic() < until:
         time.sleep(0.05)
+    return process
+
+
+@pytest.mark.slow
+def test_a_campaign_that_is_killed_ends_its_jobs_and_says_what_it_keeps(folder):
+    process = started(folder, 1, signal.SIG_IGN)
     process.terminate()
     told = process.communicate(timeout=120)[1]
     assert process.returncode == 128 + signal.SIGTERM and "Traceback" not in told, told
@@ -53,15 +58,7 @@ def test_a_campaign_that_is_killed_ends_its_jobs_and_says_what_it_keeps(folder):
 
 @pytest.mark.slow
 def test_an_interrupted_campaign_says_what_it_keeps_and_goes_on(folder):
-    words = [*COMMAND, "run", "mine.yaml", "results/mine/perfusion/targets.json", "--cores", "1"]
-    # A suite that a shell runs in the background ignores interrupts, and its children would.
-    process = subprocess.Popen(
-        words, cwd=folder, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
-    until = time.monotonic() + 300
-    while len(notes(folder)) < 2 and process.poll() is None and time.monotonic() < until:
-        time.sleep(0.05)
+    process = started(folder, 2, signal.SIG_DFL)
     os.killpg(process.pid, signal.SIGINT)
     told = process.communicate(timeout=120)[1]
     assert process.returncode == 130 and "Traceback" not in told, told

@@ -90,7 +90,7 @@ def constant(row: RowReport) -> bool:
 class Percent:
     """Formats probabilities, all with the same decimals: one if every interval is narrow, none otherwise.
 
-    What would round to 0 or 100 % without being certain is said to be below or above a number.
+    A probability that rounds to 0 or 100 % and is not certain reads as < 1 % or > 99 %, with these decimals.
 
     Parameters
     ----------
