@@ -300,7 +300,7 @@ def test_a_poor_emulator_leaves_the_chains_to_dream(tree, tmp_path, capsys):
     assert f"warning: DREAM without independence steps: {warning}" in capsys.readouterr().err
     assert tried.every == never.every == DELAYED.emulator.generations and tried.generations == never.generations
     pilots = (arrays(tmp_path / f"{name}.npz")["checkpoint.prepared.runs"] for name in ("tried", "never"))
-    assert np.subtract(*pilots) == 960
+    assert np.subtract(*pilots) == 1200
     assert not np.array_equal(tried.emulator_error, never.emulator_error), "its emulator is fitted to pilots as well"
     summary = summarise(tried, SMALL, 3, 10, ReferenceShares({}, {}, 0.0), provenance={})
     assert not summary.independence.used and summary.independence.warning.startswith(warning)

@@ -21,8 +21,8 @@ BURN_IN = 5
 PILOT = 10
 """Pilot runs per chain."""
 
-ATTEMPTS = 4
-"""Emulators that are tried, each fitted to all runs made so far."""
+REFINED, ATTEMPTS = 3, 5
+"""Emulators, each fitted to all runs made so far, that are tried before the limit of k decides, and at most."""
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ def try_emulator(
     """Run the model at draws of the emulator and decide by their Pareto k; all ranks together.
 
     Where these runs find the emulator too poor, it is fitted to them as well, and tried again: they lie where the first
-    design, coordinates `y` (n, d) with `flows` (n, N), had too few. So it is `ATTEMPTS` times, unless no ratio is twice
-    their mean: a pilot costs little beside the chains.
+    design, coordinates `y` (n, d) with `flows` (n, N), had too few. A pilot costs little beside the chains: unless no
+    ratio is twice their mean, `REFINED` emulators are tried, and up to `ATTEMPTS` while k is above its limit.
     """
     dream, ranks, space, likelihood = settings.dream, posterior.ranks, posterior.space, posterior.likelihood
     assert not isinstance(space, Rescaled)  # its states have no emulator
@@ -94,7 +94,7 @@ def try_emulator(
         log_density, at_points = posterior(points)
         made += count
         k_hat, weights = pareto_smoothed(log_density - screen(points))
-        if good_enough(k_hat, weights, settings.independence.k_limit if attempt == ATTEMPTS - 1 else -np.inf):
+        if good_enough(k_hat, weights, settings.independence.k_limit if attempt >= REFINED - 1 else -np.inf):
             chosen = random.choice(count, size=dream.chains, p=weights)
             return Pilot(emulator, walk, made, k_hat, "", (points[chosen], log_density[chosen], at_points[chosen]))
         refused = (
