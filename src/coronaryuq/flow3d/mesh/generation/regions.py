@@ -11,6 +11,9 @@ from coronaryuq.flow3d.mesh.generation.build import Built
 from coronaryuq.flow3d.mesh.generation.folder import Mesh
 from coronaryuq.flow3d.mesh.geometry.implicit import Path
 
+ROUNDING = 1e-9
+"""cm: arc lengths that differ by less are the same."""
+
 
 @dataclass(frozen=True)
 class Course:
@@ -27,14 +30,20 @@ class Course:
         index = int(np.clip(np.searchsorted(self.offset, offset), 1, len(self.offset) - 1))
         low, high = max(0, index - 3), min(len(self.offset) - 1, index + 2)
         tangent = self.along.points[high] - self.along.points[low]
-        nearest = int(np.argmin(np.abs(self.offset - offset)))
+        vessel = str(self.along.vessel[int(np.argmin(np.abs(self.offset - offset)))])
+        own = self.along.vessel == vessel
         return (
             point,
             tangent / np.linalg.norm(tangent),
             float(np.interp(offset, self.offset, self.along.radii)),
-            str(self.along.vessel[nearest]),
-            float(self.along.arc[nearest]),
+            vessel,
+            float(np.interp(offset, self.offset[own], self.along.arc[own])),
         )
+
+    def offset_of(self, vessel: str, arc: float) -> float:
+        """Return the distance (cm) from the throat to an arc length (cm) of one of the vessels of the path."""
+        own = self.along.vessel == vessel
+        return float(np.interp(arc, self.along.arc[own], self.offset[own]))
 
     def at_bifurcation(self, offset: float) -> bool:
         """Return whether a cross-section there, from 1 radius before to 2.5 behind, meets a bifurcation."""
@@ -141,22 +150,27 @@ def mark(
 def plane(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: Built, diameters: float) -> Plane:
     """Return the plane of distal pressure: where the case asks for, or `diameters` local diameters beyond the stenosis.
 
-    At most one radius before the end of the mesh, before the next stenosis of the artery, and moved along the artery
-    where it would cut a bifurcation.
+    Where the case asks for: exactly there, as 0D does, unless the stenosis reaches to less than one radius before a
+    bifurcation. Elsewhere, at most one radius before the end of the mesh, before the next stenosis of the artery, and
+    moved along the artery where it would cut a bifurcation.
     """
     line = course(tree, stenosis, built)
     place, _ = throat(tree, stenosis)
-    radius = float(tree[stenosis.vessel].radius_at(stenosis.end))
+    vessel, read = tree[stenosis.vessel], stenosis.read
+    if read is not None and read.arc <= vessel.length - float(vessel.radii[-1]) + ROUNDING:
+        return _plane_at(line, line.offset_of(vessel.name, read.arc))
+    radius = float(vessel.radius_at(stenosis.end))
     end = stenosis.end - place
     last = float(line.offset[-1] - line.along.radii[-1])
     _, after = neighbours(tree, stenosis, stenoses, built)
     last = min(last, max(after, end))
-    wanted = min(end + 2.0 * diameters * radius if stenosis.read is None else stenosis.read.arc - place, last)
+    wanted = min(end if read is not None else end + 2.0 * diameters * radius, last)
     places = np.linspace(min(end + radius, last), last, 200)
-    if stenosis.read is not None:
-        places = np.append(places, wanted)
     clear = places[[not line.at_bifurcation(offset) for offset in places]]
-    offset = wanted if len(clear) == 0 else float(clear[np.argmin(np.abs(clear - wanted))])
+    return _plane_at(line, wanted if len(clear) == 0 else float(clear[np.argmin(np.abs(clear - wanted))]))
+
+
+def _plane_at(line: Course, offset: float) -> Plane:
     point, normal, radius, vessel, arc = line.at(offset)
     return Plane(
         point=tuple(point.tolist()),

@@ -30,8 +30,8 @@ def segments(
 
     A bifurcation inside the neighbourhood is kept whole, each of its vessels for at least `stub` of its own diameters
     beyond the others' walls. A cut that would fall within a bifurcation is moved before it if half of the requested
-    length remains, and beyond it otherwise. A remainder shorter than one diameter at the end of a vessel goes into 3D
-    as well.
+    length remains and the place of FFR stays a radius before the cut, and beyond it otherwise. A remainder shorter than
+    one diameter at the end of a vessel goes into 3D as well.
     """
     kept: Kept = {}
     for stenosis in stenoses:
@@ -39,9 +39,10 @@ def segments(
         vessel = tree[stenosis.vessel]
         _upstream(tree, kept, vessel, stenosis.start, 2.0 * upstream * float(vessel.radius_at(stenosis.start)))
         behind = 2.0 * downstream * float(vessel.radius_at(stenosis.end))
-        if stenosis.read is not None:
-            behind = max(behind, stenosis.read.arc - stenosis.end + 2.0 * float(vessel.radius_at(stenosis.read.arc)))
-        _downstream(tree, kept, vessel, stenosis.end, behind)
+        read = None if stenosis.read is None else stenosis.read.arc
+        if read is not None:
+            behind = max(behind, read - stenosis.end + 2.0 * float(vessel.radius_at(read)))
+        _downstream(tree, kept, vessel, stenosis.end, behind, read)
     _complete_bifurcations(tree, kept, stub)
     return kept
 
@@ -118,15 +119,20 @@ def _upstream(tree: Tree, kept: Kept, vessel: Vessel, end: float, length: float)
         _upstream(tree, kept, parent, parent.length, max(length - room, 2.0 * float(parent.radii[-1])))
 
 
-def _downstream(tree: Tree, kept: Kept, vessel: Vessel, start: float, length: float) -> None:
-    """Keep `length` (cm) downstream of `start`, through bifurcations where needed."""
+def _downstream(tree: Tree, kept: Kept, vessel: Vessel, start: float, length: float, read: float | None = None) -> None:
+    """Keep `length` (cm) downstream of `start`, through bifurcations where needed.
+
+    read: arc length (cm) of a cross-section that must lie a radius before the cut.
+    """
     room, margin = vessel.length - start, 2.0 * float(vessel.radii[-1])
+    before = vessel.length - margin
+    holds_read = read is None or read <= before - float(vessel.radius_at(before))
     if length <= room - margin:
         _keep(kept, vessel.name, start, start + length)
     elif not tree.children(vessel.name):
         _keep(kept, vessel.name, start, vessel.length)
-    elif room - margin >= 0.5 * length:
-        _keep(kept, vessel.name, start, vessel.length - margin)
+    elif room - margin >= 0.5 * length and holds_read:
+        _keep(kept, vessel.name, start, before)
     else:
         _keep(kept, vessel.name, start, vessel.length)
         onward = tree[continuation(tree, vessel.name, [v.name for v in tree.children(vessel.name)])]
