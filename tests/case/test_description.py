@@ -10,11 +10,13 @@ import pytest
 import pyvista as pv
 
 from coronaryuq.case.anatomy.tree import Tree
+from coronaryuq.case.assembly import assemble
 from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.description.fields import read_description, schema
 from coronaryuq.case.description.reference import reference
 from coronaryuq.case.perfusion.outlet_checks import outlet_notes
 from coronaryuq.case.perfusion.perfusion_map import Wall
+from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import read_case_targets, read_outlets
 from support.case_files import check_case, write_case
 
@@ -339,7 +341,20 @@ def test_the_schema_describes_every_field():
 def test_the_description_of_the_small_case(small_tree, tmp_path):
     description = read_description(write_case(tmp_path, small_tree))
     assert description.anatomy.kind == "centrelines"
-    assert (description.density, description.viscosity, description.hyperaemia) == (1.06, 0.04, 0.24)
+    assert (description.density, description.blood_viscosity, description.hyperaemia) == (1.06, 0.04, 0.24)
+
+
+@pytest.mark.parametrize(
+    ("fields", "viscosity"),
+    [({}, 0.04), ({"haematocrit": "0.45"}, 0.0384), ({"haematocrit": "0.45", "viscosity": "0.035"}, 0.035)],
+)
+def test_viscosity_follows_from_the_haematocrit_unless_it_is_given(small_tree, tmp_path, fields, viscosity):
+    case = assemble(write_case(tmp_path, small_tree, **fields), Settings())
+    other = assemble(write_case(tmp_path / "default", small_tree), Settings())
+    assert case.summary.viscosity == pytest.approx(viscosity, rel=1e-12)
+    name = case.network.vessels[0]["vessel_name"]
+    resistance, default = (each.network.vessel_values(name)["R_poiseuille"] for each in (case, other))
+    assert resistance / default == pytest.approx(viscosity / 0.04, rel=1e-12)
 
 
 def test_a_case_without_stenoses_says_what_that_leaves_out(small_tree, tmp_path):

@@ -159,7 +159,7 @@ def assemble(
         description=description.description,
         period=period,
         density=description.density,
-        viscosity=description.viscosity,
+        viscosity=description.blood_viscosity,
         haematocrit=description.haematocrit,
         hyperaemia=description.hyperaemia,
         tissue_density=description.tissue_density,
@@ -235,7 +235,7 @@ def _physics(
     stroke, split = target("AbsQin"), target("AorCorSplit")
     return Physics(
         density=description.density,
-        viscosity=description.viscosity,
+        viscosity=description.blood_viscosity,
         stenosis_loss=settings.stenosis_loss,
         elastic=settings.walls == "elastic",
         young=settings.young,

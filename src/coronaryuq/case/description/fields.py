@@ -19,6 +19,7 @@ from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.description.wire_place import WirePlace
 from coronaryuq.case.description.yaml_file import read_yaml, validated
+from coronaryuq.core.blood import viscosity_of
 from coronaryuq.core.units import (
     BLOOD_DENSITY,
     BLOOD_VISCOSITY,
@@ -297,7 +298,12 @@ class Description(_Model):
         None, gt=0.2, lt=3, description="Cardiac period, s; default: that of the network, or 1.0."
     )
     density: float = Field(BLOOD_DENSITY, ge=0.9, le=1.2, description="Blood density, g/cm3.")
-    viscosity: float = Field(BLOOD_VISCOSITY, ge=0.005, le=0.2, description="Blood viscosity, poise.")
+    viscosity: float | None = Field(
+        None,
+        ge=0.005,
+        le=0.2,
+        description=f"Blood viscosity, poise; default: that of `haematocrit`, or {BLOOD_VISCOSITY:g}.",
+    )
     lumen: LumenError | None = Field(
         None,
         description="Error of the lumen's segmentation, for `uncertainty: full`; default: that of 0.35 mm voxels.",
@@ -310,7 +316,7 @@ class Description(_Model):
         None,
         gt=0.1,
         lt=0.7,
-        description="Volume fraction of red cells; recorded only: viscosity is not derived from it.",
+        description="Volume fraction of red cells, which gives the viscosity (Pries et al. 1992) unless stated.",
     )
     tissue_density: float = Field(TISSUE_DENSITY, ge=0.9, le=1.2, description="Density of myocardium, g/mL.")
     hyperaemia: float = Field(
@@ -319,6 +325,11 @@ class Description(_Model):
         le=1,
         description="Coronary resistance in the state in which the map was acquired, relative to rest.",
     )
+
+    @property
+    def blood_viscosity(self) -> float:
+        """Viscosity, P: as given, else that of the haematocrit, else the default."""
+        return viscosity_of(self.haematocrit) if self.viscosity is None else self.viscosity
 
     @property
     def length_unit(self) -> str:

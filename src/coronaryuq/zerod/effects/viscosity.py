@@ -5,8 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.core.blood import viscosity_of
 from coronaryuq.zerod.effects.anatomy import RESISTANCES, Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
+
+PER_HAEMATOCRIT = np.log(viscosity_of(0.5) / viscosity_of(0.3)) / 0.2
+"""Mean slope of the logarithm of viscosity between haematocrits of 0.3 and 0.5."""
 
 
 class Haematocrit(Effect):
@@ -14,7 +18,7 @@ class Haematocrit(Effect):
 
     name = "haematocrit"
     formula = (
-        "R = R_model exp(v), v the logarithm of viscosity over the assumed one; mu ~ exp(2.3 H) between H = 0.3 and 0.5"
+        "R = R_model exp(v), v the logarithm of viscosity over the assumed one; mu ~ exp(2.6 H) between H = 0.3 and 0.5"
     )
     source = "Pries et al., Am. J. Physiol. 263 (1992) H1770"
     signature = "all flows lower at the same pressures and all epicardial losses higher, by one factor"
@@ -41,5 +45,5 @@ class Haematocrit(Effect):
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return {
             "viscosity over the model's": float(np.exp(sizes["log_viscosity"])),
-            "haematocrit change": sizes["log_viscosity"] / 2.3,
+            "haematocrit change": sizes["log_viscosity"] / PER_HAEMATOCRIT,
         }
