@@ -63,13 +63,16 @@ def draw_shapes(
             points[k], quality[k] = moved.points, moved.quality
         except MeshError as error:
             reasons[k] = str(error)
-    return Shapes(points, viscosity, outside_factors(morph.lumen, domain.description, given), reasons, quality)
+    # The factors of a vessel none of whose coordinates is given are those of one sample, the centre.
+    factors = _outside_factors(morph.lumen, domain.description, given)
+    outside = {name: np.broadcast_to(factor, (samples,)) for name, factor in factors.items()}
+    return Shapes(points, viscosity, outside, reasons, quality)
 
 
-def outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return `Shapes.outside` of the vessels that a mesh cuts."""
+def _outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return `Shapes.outside` of the vessels that a mesh cuts; of length 1 where no coordinate of a vessel is given."""
     kept = {name: interval for piece in description.pieces for name, interval in piece.items()}
-    found = {}
+    found: dict[str, np.ndarray] = {}
     for vessel, cut in description.cut.items():
         profile = lumen.profiles.get(vessel)
         if profile is None:
@@ -83,6 +86,6 @@ def outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, 
                 own = profile.between(*part)
                 # The mesh's shares are those of the segmented lumen; the network's values are those at the centre.
                 centre = {key: own.centre()[key] / profile.centre()[key] for key in side if key in whole}
-                for key, factor in own.factors(z).items():
-                    found[f"{name}.{key}"] = factor / whole[key] * centre[key]
+                factors = own.factors(z)
+                found |= {f"{name}.{key}": factors[key] / whole[key] * centre[key] for key in centre}
     return found
