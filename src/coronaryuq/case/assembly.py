@@ -20,6 +20,7 @@ from coronaryuq.case.case_json import (
 from coronaryuq.case.description.fields import Description, read_description
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.description.routine import RoutineErrors
+from coronaryuq.case.lumen.implied import implied_lumen
 from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import with_lumen
 from coronaryuq.case.network.along_tree import vessels_along
@@ -137,8 +138,8 @@ def assemble(
     outlets = _outlets(rows, placed, tree, topology)
     sketch.tree, sketch.outlets = tree, outlets
     sketch.wire_places = locate_wire_places(path, description, tree, outlets)
-    if uncertainty == "full" and anatomy is not None:
-        network = _with_uncertain_lumen(path, description, tree, stenoses, network)
+    if uncertainty == "full":
+        network = _with_uncertain_lumen(path, description, tree, stenoses, network, topology)
     if description.perfusion is not None:
         wall = read_wall(path, description.perfusion, description.tissue_density, settings.wall_cells)
         sketch.wall = wall
@@ -183,13 +184,18 @@ def _dominance(tree: Tree, outlets: list[CaseOutlet]) -> Dominance | None:
 
 
 def _with_uncertain_lumen(
-    path: Path, description: Description, tree: Tree, stenoses: list[Stenosis], network: Network
+    path: Path, description: Description, tree: Tree, stenoses: list[Stenosis], network: Network, topology: Topology
 ) -> Network:
+    if description.anatomy is None:
+        implied = implied_lumen(tree, topology, description.density, description.blood_viscosity)
+        tree, stenoses, along = implied.tree, implied.stenoses, implied.segments
+    else:
+        along = vessels_along(tree, stenoses, network, description.network or "network")
     try:
         law = lumen_law(tree, stenoses, description.lumen or LumenError())
     except ValueError as error:
         raise InputError(path, "lumen.calcified", None, str(error)) from None
-    return with_lumen(network, tree, vessels_along(tree, stenoses, network, description.network or "network"), law)
+    return with_lumen(network, tree, along, law)
 
 
 def _read_own_network(folder: Path, description: Description) -> tuple[Network, Topology, str] | None:

@@ -2,13 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
 from coronaryuq.case.case_json import Artery, Branch, CaseOutlet, CaseStenosis
 from coronaryuq.case.description.fields import ARTERIES, Description, StenosisPlace
 from coronaryuq.case.network.build import Segment, segments
-from coronaryuq.case.network.schematic import radius_from_inertance
+from coronaryuq.case.network.throats import implied_bore
 from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.errors import InputError
 
@@ -66,7 +64,8 @@ def case_stenoses(
         artery = _artery(path, name, place, stenosis, tree, block, topology, outlets)
         parents, children = topology.parents(block), topology.children(block)
         if stenosis is None:
-            ratio = _area_ratio(topology, block, description.density)
+            bore = implied_bore(topology, block, description.density, description.blood_viscosity)
+            ratio = None if bore is None or bore.ratio == 1.0 else bore.ratio
         else:
             ratio = area_ratio(tree, stenosis)
         result.append(
@@ -114,16 +113,6 @@ def _artery(
         remedy += f"choose a vessel upstream of an {artery} outlet" if artery else "state its artery"
         raise InputError(path, f"stenoses.{name}.block", block, remedy)
     return artery
-
-
-def _area_ratio(topology: Topology, block: str, density: float, loss: float = 1.52) -> float | None:
-    """Return A_s/A_0 of a 0D vessel, from its stenosis coefficient and the area that its inertance implies."""
-    radius = radius_from_inertance(topology, block, density)
-    coefficient = float(topology.network.vessel_values(block).get("stenosis_coefficient") or 0.0)
-    if coefficient <= 0 or radius is None:
-        return None
-    area = np.pi * radius**2
-    return float(1 / (1 + np.sqrt(2 * coefficient * area**2 / (loss * density))))
 
 
 def _branch_root(topology: Topology, block: str, branch: Artery, outlets: list[CaseOutlet]) -> str:
