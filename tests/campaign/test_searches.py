@@ -25,6 +25,19 @@ def test_without_inputs_an_effect_is_hidden_in_the_bundled_loop():
     assert "hidden_size" in hidden.block(hiding=True) and "hidden_size" not in hidden.block(hiding=False)
 
 
+def test_figures_of_the_patients_network_have_the_names_of_its_case(tmp_path):
+    """Not those of another network, in which the same name may be another vessel."""
+    anatomy = {"case": "results/x/case/case.json", "tree": "results/x/case/tree.vtp"}
+    own = searches()
+    assert own.drawn_from("hidden", "ranking") == {"table": own.tables["hidden", "ranking"]} | anatomy
+    assert own.drawn_from("hidden", "gap") == {"table": own.tables["hidden", "gap"]}
+    given = {name: str(tmp_path / name) for name in ("measurements", "conditions")}
+    (tmp_path / "measurements").write_text("condition,quantity,location,statistic,value,sd,unit\n")
+    (tmp_path / "conditions").write_text("rest: {}\n")
+    assert searches(**given).of_patient == ["case"] and searches(**given, model="other.json").of_patient == []
+    assert set(searches(**given, model="other.json").drawn_from("case", "tree")) == {"table"}
+
+
 def test_pairs_alone_hide_nothing():
     pairs = searches(pairs=("a.csv", "b.csv"))
     assert pairs.names == ["pairs"] and not pairs.cases

@@ -1,13 +1,18 @@
 """The figures of a search are drawn from its tables only, also if nothing was named."""
 
+import re
 from contextlib import contextmanager
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from coronaryuq.case.settings import Settings
+from coronaryuq.case.stage import prepare_case
 from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN, MMHG
 from coronaryuq.figures import discrepancy as drawn
+from coronaryuq.figures.draw import draw
+from support.case_files import small_tree, write_case
 
 
 def is_png(path):
@@ -114,3 +119,34 @@ def test_gap_and_ranking_are_drawn(tmp_path):
     pd.DataFrame(names).assign(accepted=[False, True]).to_csv(tmp_path / "r.csv", index=False)
     drawn.ranking(tmp_path / "r.csv", tmp_path / "r.png")
     assert is_png(tmp_path / "g.png") and is_png(tmp_path / "r.png")
+
+
+@pytest.fixture(scope="module")
+def named(tmp_path_factory):
+    """A case of a tree, by the parameters of the figures that name its vessels."""
+    folder = tmp_path_factory.mktemp("named")
+    case = write_case(folder / "given", small_tree(), ffr_beyond_mm="null")
+    prepare_case(case, Settings(), folder / "case")
+    return {"case": folder / "case/case.json", "tree": folder / "case/tree.vtp"}
+
+
+def test_vessels_beds_and_places_have_the_names_of_the_case(tmp_path, kept, named):
+    """In every figure of a search; names of the network are for programs."""
+    place, effect, size = "branch1_seg0:J1", "quadratic_stenosis", np.linspace(0.0, 1.0, 5)
+    wave = {"condition": "rest", "quantity": "flow", "location": place, "statistic": "waveform"}
+    numbers = {"phase": size, "measured": 1.0, "sd": 0.1, "recalibrated": 1.0, "repaired": 1.0}
+    pull = {"location": "branch1_seg0>lca1_seg0", "statistic": "mean", "distance_mm": 10 * size, "acting": ""}
+    tables = {
+        "tree": {"vessel": ["branch1_seg0", "lca2"], "parent": ["", "branch1_seg0"], "disagreement": 1.0, "named": ""},
+        "residuals": wave | numbers | {"fitted": True, "named": True},
+        "ranking": {"round": [1], "effect": effect, "place": place, "probability": 0.9, "accepted": True},
+        "sizes": {"effect": effect, "place": place, "parameter": "loss", "size": size, "posterior": 1.0, "prior": 1.0},
+        "pullback": wave | numbers | pull | {"vessel": ["branch1_seg0"] * 3 + ["lca2"] * 2, "named": True},
+    }
+    for name, columns in tables.items():
+        pd.DataFrame(columns).to_csv(tmp_path / "t.csv", index=False)
+        draw(f"discrepancy_{name}", {"table": str(tmp_path / "t.csv")} | named, tmp_path / f"{name}.svg")
+        shown = "".join(re.findall(r"<!--(.*?)-->", (tmp_path / f"{name}.svg").read_text()))
+        shown += " ".join(words for *_, texts, _ in kept for words in texts)  # with an outline, they are paths alone
+        assert "LM (part 1)" in shown, name
+        assert not re.search(r"_seg|branch\d|:J\d", shown), name

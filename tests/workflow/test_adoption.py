@@ -1,9 +1,12 @@
 """One command, from data with a hidden effect to the prediction with what the search of them named."""
 
+import zipfile
+
 import pytest
 
 from coronaryuq.case.case_json import read_case
 from coronaryuq.core.io.atomic import read_json
+from coronaryuq.report.captions import SEARCHES
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
@@ -42,6 +45,15 @@ def test_the_prediction_after_adoption_holds_the_true_ffr_and_the_one_before_doe
     for branch, ffr in truth.items():
         assert rows[branch]["after"]["low"] < ffr < rows[branch]["after"]["high"], branch
     assert any(not rows[b]["before"]["low"] < ffr < rows[b]["before"]["high"] for b, ffr in truth.items())
+
+
+def test_snakemakes_own_report_holds_the_figures_of_the_search_as_a_self_test(results, tmp_path):
+    smoke.campaign(results.parents[1], "adopted", "--report", str(tmp_path / "campaign.zip"))
+    with zipfile.ZipFile(tmp_path / "campaign.zip") as archive:
+        text = "".join(archive.read(name).decode() for name in archive.namelist() if name.endswith((".js", ".html")))
+    for words in ("Self-test of the search", "The measurements are invented", SEARCHES["ranking"].title):
+        assert words in text
+    assert "Missing effects" not in text, "an invented effect must not be read as one of the patient"
 
 
 def test_the_tuned_loop_says_where_its_effect_is_from_and_calibration_held_it(results):

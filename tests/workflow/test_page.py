@@ -4,11 +4,14 @@ import base64
 import io
 import json
 import re
+import shutil
+import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
@@ -269,3 +272,17 @@ def test_print_loses_no_column_and_no_card(page, tab, tmp_path):
     tab.call("Emulation.setEmulatedMedia", media="")
     tab.pdf(tmp_path / "page.pdf")
     assert (tmp_path / "page.pdf").read_bytes().count(b"/Type /Page\n") < 40
+
+
+@in_browser
+@pytest.mark.skipif(not shutil.which("pdftoppm"), reason="needs pdftoppm: apt-get install poppler-utils")
+def test_the_tree_is_printed_below_the_cards_and_no_page_is_a_third_empty(page, tab, tmp_path):
+    """A figure goes to the next page as a whole; only the last page ends anywhere."""
+    tab.open(page, PRINTED, 1040)
+    tab.pdf(tmp_path / "page.pdf")
+    subprocess.run(["pdftoppm", "-r", "30", "-gray", "page.pdf", "page"], cwd=tmp_path, check=True)
+    empty = []
+    for path in sorted(tmp_path.glob("page-*.pgm")):
+        inked = np.flatnonzero((np.asarray(Image.open(path)) < 200).any(axis=1))
+        empty.append(1.0 - inked[-1] / Image.open(path).height)
+    assert empty[0] < 0.12 and max(empty[:-1]) < 0.3

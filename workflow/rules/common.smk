@@ -16,7 +16,7 @@ from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.launcher import FORGET_OUTER_RANKS, LOCAL_MPIEXEC
 from coronaryuq.core.private_folders import complete_environment
 from coronaryuq.figures.draw import module_of
-from coronaryuq.report.captions import category_of, labels_of
+from coronaryuq.report.captions import INVENTED, SEARCHES, category_of, category_of_search, labels_of
 
 
 # The container of every job; built from envs/coronaryuq.def, used with --software-deployment-method apptainer.

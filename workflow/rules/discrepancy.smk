@@ -126,9 +126,14 @@ rule discrepancy_pairs:
 rule discrepancy_figure:
     """Draw one figure of a search."""
     input:
-        table=lambda wildcards: searches.tables[wildcards.case, wildcards.figure],
+        unpack(lambda wildcards: searches.drawn_from(wildcards.case, wildcards.figure)),
     output:
-        figure=paths.discrepancy("{case}", "figures", "{figure}.png"),
+        figure=report(
+            paths.discrepancy("{case}", "figures", "{figure}.png"),
+            caption="../report/search.rst",
+            category=lambda wildcards: category_of_search(wildcards.case == INVENTED),
+            labels=lambda wildcards: {"case": wildcards.case} | labels_of(wildcards.figure, SEARCHES),
+        ),
     log:
         log_of("discrepancy_figure", "{case}_{figure}.log"),
     wildcard_constraints:
@@ -148,17 +153,19 @@ if "hidden" in searches.cases:
 rule discrepancy_report:
     """Write the page of the searches."""
     input:
+        **(searches.anatomy if searches.of_patient else {}),
         answers=answers_required,
         figures=searches.figures,
         truths=TRUTHS,
     output:
-        out=results("discrepancy", "report.html"),
+        out=report(results("discrepancy", "report.html"), caption="../report/searches.rst", category="Summary"),
     log:
         log_of("discrepancy_report.log"),
     params:
         **stage("coronaryuq.report.discrepancy:write_page"),
         campaign=campaign.name,
         settings=searches.shown(),
+        of_patient=searches.of_patient,
     script:
         "../scripts/stage.py"
 

@@ -12,6 +12,7 @@ from coronaryuq.core.io.text import visible
 from coronaryuq.discrepancy.data.conditions import drive_paths
 from coronaryuq.discrepancy.data.pullbacks import has_pullback
 from coronaryuq.discrepancy.settings import GIVEN, Settings
+from coronaryuq.report.captions import INVENTED
 
 CASE = {"model": "model.json", "measurements": "measurements.csv", "conditions": "conditions.yaml"}
 HIDING = {"hidden_effect", "hidden_size"}
@@ -21,6 +22,8 @@ INPUTS = {
 }
 """Settings of the cases, as opposed to those of the search."""
 TABLES = ("tree", "residuals", "ranking", "sizes", "gap")
+WITH_NAMES = {"tree", "residuals", "ranking", "sizes", "pullback"}
+"""Figures that name vessels, beds or places."""
 PAIRS_TABLES = {"pairs": "pairs", "pairs_gap": "pairs", "pairs_effects": "effects"}
 
 
@@ -67,7 +70,7 @@ class Searches:
                 "conditions": conditions,
                 "drives": drive_paths(conditions),
             }
-        return cases or ({"hidden": self.made("hidden")} if self.bundled and not settings.pairs else {})
+        return cases or ({INVENTED: self.made(INVENTED)} if self.bundled and not settings.pairs else {})
 
     @property
     def in_report(self) -> bool:
@@ -86,7 +89,7 @@ class Searches:
         """
         if not self.settings.adopt:
             return None
-        found = next((case for case in ("case", "hidden") if case in self.cases), None)
+        found = next((case for case in ("case", INVENTED) if case in self.cases), None)
         if found is None:
             remedy = (
                 "this campaign searches no measurements of its loop; give measurements and conditions, or set false"
@@ -128,12 +131,28 @@ class Searches:
             for case, files in self.cases.items()
             for name in (*TABLES, *(["pullback"] if has_pullback(files["measurements"]) else []))
         }
-        if "hidden" in self.cases:
-            tables["hidden", "gap"] = self.paths.discrepancy("hidden", "known", "gap.csv")
+        if INVENTED in self.cases:
+            tables[INVENTED, "gap"] = self.paths.discrepancy(INVENTED, "known", "gap.csv")
         if self.settings.pairs:
             for name, table in PAIRS_TABLES.items():
                 tables["pairs", name] = self.paths.discrepancy("pairs", "found", f"{table}.csv")
         return tables
+
+    @cached_property
+    def of_patient(self) -> list[str]:
+        """Cases whose network is the campaign's, so that its parts have the patient's names."""
+        own = (self.tuned, self.made(INVENTED)["model"])
+        return [case for case, files in self.cases.items() if files["model"] in own]
+
+    @property
+    def anatomy(self) -> dict[str, str]:
+        """The case and its tree, in which the parts of its network have names that a reader knows."""
+        return {"case": self.paths.results("case", "case.json"), "tree": self.paths.results("case", "tree.vtp")}
+
+    def drawn_from(self, case: str, figure: str) -> dict[str, str]:
+        """Return the files from which a figure is drawn, by the parameter's name of the function that draws it."""
+        named = figure in WITH_NAMES and case in self.of_patient
+        return {"table": self.tables[case, figure]} | (self.anatomy if named else {})
 
     @cached_property
     def figures(self) -> list[str]:
@@ -150,7 +169,7 @@ class Searches:
 
     def shown(self) -> dict[str, Any]:
         """Return the settings shown on the page of the searches."""
-        hidden = set() if "hidden" in self.cases else HIDING
+        hidden = set() if INVENTED in self.cases else HIDING
         return self.settings.model_dump(mode="json", exclude={"benchmark"} | hidden)
 
     def hidden_in(self, network: str) -> dict[str, str]:

@@ -1,6 +1,11 @@
-"""Figures of the search for missing effects, each drawn from one table."""
+"""Figures of the search for missing effects, each drawn from one table.
 
+With the case of the network and its tree, vessels, beds and places have the names that a reader knows.
+"""
+
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,6 +14,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.patheffects import withStroke
 
+from coronaryuq.case.anatomy.network_names import InWords
+from coronaryuq.case.anatomy.tree import read_tree
+from coronaryuq.case.case_json import read_case
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.result.units_shown import shown_in
@@ -20,12 +28,27 @@ TOGETHER = "#4B2E83"
 MOST_PANELS = 6
 
 
-def tree(table: str | Path, output: str | Path) -> None:
+def words_of(case: str | Path | None, tree: str | Path | None) -> Callable[[Any], Any]:
+    """Return what puts the names of a network in words: those of a case and its tree; without them names stay.
+
+    Parameters
+    ----------
+    case
+        `case.json`.
+    tree
+        `tree.vtp`.
+    """
+    if case is None or tree is None:
+        return lambda names: names
+    return InWords.of(read_tree(tree), read_case(case).outlets)
+
+
+def tree(table: str | Path, output: str | Path, case: str | Path | None = None, tree: str | Path | None = None) -> None:
     """Draw the tree from left to right, coloured by the largest misfit (sd); grey: not measured.
 
     A labelled diamond is a named effect: on the vessel where it acts, or at its end if it acts at the bed.
     """
-    frame = read_csv(table, ("vessel", "parent", "disagreement", "named"))
+    frame, in_words = read_csv(table, ("vessel", "parent", "disagreement", "named")), words_of(case, tree)
     children: dict[str, list[str]] = {}
     for row in frame.itertuples(index=False):
         children.setdefault(row.parent if isinstance(row.parent, str) else "", []).append(row.vessel)
@@ -59,7 +82,7 @@ def tree(table: str | Path, output: str | Path) -> None:
             line = {"color": colour, "lw": 3 if known else 1.5, "zorder": 2 if known else 1}
             axes.plot([depth, depth, depth + (1.0 if name in children else 0.8)], [start, height, height], **line)
             if leaves <= 12 or known or name in named:
-                text = axes.text(depth + 0.05, height + 0.12, name, fontsize=6, va="bottom", zorder=3)
+                text = axes.text(depth + 0.05, height + 0.12, in_words(name), fontsize=6, va="bottom", zorder=3)
                 text.set_path_effects([withStroke(linewidth=2, foreground="white")])
             _mark(axes, name, depth, height, 1.0 if name in children else 0.8, named.get(name, []))
         axes.set_axis_off()
@@ -85,7 +108,9 @@ def _mark(axes, vessel: str, depth: float, height: float, length: float, named: 
             text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
-def residuals(table: str | Path, output: str | Path) -> None:
+def residuals(
+    table: str | Path, output: str | Path, case: str | Path | None = None, tree: str | Path | None = None
+) -> None:
     """Draw the waveforms with the largest misfit: measured with its noise, recalibrated, repaired.
 
     Without waveforms: predicted against measured values, a panel per quantity.
@@ -93,6 +118,7 @@ def residuals(table: str | Path, output: str | Path) -> None:
     frame = read_csv(
         table, ("condition", "quantity", "location", "statistic", "phase", "measured", "sd", "recalibrated", "named")
     )
+    in_words = words_of(case, tree)
     waves = frame[frame.statistic == "waveform"]
     groups = list(waves.groupby(["quantity", "location", "condition"], sort=False))
     groups.sort(key=lambda item: -float(np.mean(((item[1].measured - item[1].recalibrated) / item[1].sd) ** 2)))
@@ -110,7 +136,7 @@ def residuals(table: str | Path, output: str | Path) -> None:
             axis.plot(phase, part.recalibrated / scale, color=BEFORE, lw=1.2, label="recalibrated")
             axis.plot(phase, part.repaired / scale, color=AFTER, lw=1.2, label=after_label(frame))
             held = "" if bool(part.fitted.all()) else ", held out"
-            axis.set_title(f"{quantity} at {location}\n{condition}{held}", fontsize=7)
+            axis.set_title(f"{quantity} at {in_words(location)}\n{condition}{held}", fontsize=7)
             axis.set_xlabel("phase of the cycle")
             axis.set_ylabel(unit)
         for axis in axes.flat[len(groups) :]:
@@ -148,16 +174,18 @@ def _against_measured(frame: pd.DataFrame, output: str | Path) -> None:
         canvas.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=2, fontsize=6)
 
 
-def ranking(table: str | Path, output: str | Path) -> None:
+def ranking(
+    table: str | Path, output: str | Path, case: str | Path | None = None, tree: str | Path | None = None
+) -> None:
     """Draw the candidates of each round with their probability; the accepted one coloured."""
     frame = read_csv(table, ("round", "effect", "place", "probability", "accepted"))
-    frame = frame[frame.effect != "outside the library"]
+    frame, in_words = frame[frame.effect != "outside the library"], words_of(case, tree)
     rounds = sorted(frame["round"].unique()) or [1]
     with saved(output, ncols=len(rounds), figsize=(4.2 * len(rounds), 3.0), squeeze=False) as (_, axes):
         for axis, number in zip(axes.flat, rounds, strict=True):
             part = frame[frame["round"] == number].nlargest(8, "probability").iloc[::-1]
             names = [
-                f"{e.replace('_', ' ')}\n{p}" if isinstance(p, str) else e
+                f"{e.replace('_', ' ')}\n{in_words(p)}" if isinstance(p, str) else e
                 for e, p in zip(part.effect, part.place, strict=True)
             ]
             colours = [AFTER if accepted else MUTED for accepted in part.accepted]
@@ -168,10 +196,12 @@ def ranking(table: str | Path, output: str | Path) -> None:
             axis.set_title(f"round {number}")
 
 
-def sizes(table: str | Path, output: str | Path) -> None:
+def sizes(
+    table: str | Path, output: str | Path, case: str | Path | None = None, tree: str | Path | None = None
+) -> None:
     """Draw posterior and prior densities of the sizes of the named effects."""
     frame = read_csv(table, ("effect", "place", "parameter", "size", "posterior", "prior"))
-    groups = list(frame.groupby(["effect", "place", "parameter"], sort=False))
+    groups, in_words = list(frame.groupby(["effect", "place", "parameter"], sort=False)), words_of(case, tree)
     with saved(output, ncols=max(1, len(groups)), figsize=(3.4 * max(1, len(groups)), 2.6), squeeze=False) as (_, axes):
         if not groups:
             axes.flat[0].text(0.5, 0.5, "no effect was named", ha="center")
@@ -179,7 +209,7 @@ def sizes(table: str | Path, output: str | Path) -> None:
         for axis, ((effect, place, parameter), part) in zip(axes.flat, groups, strict=False):
             axis.plot(part["size"], part.posterior, color=AFTER, label="posterior")
             axis.plot(part["size"], part.prior, color=MUTED, ls="--", label="prior")
-            axis.set_title(f"{effect.replace('_', ' ')}\n{place}", fontsize=7)
+            axis.set_title(f"{effect.replace('_', ' ')}\n{in_words(place)}", fontsize=7)
             axis.set_xlabel(parameter)
             axis.set_ylabel("density")
             axis.legend(fontsize=6)

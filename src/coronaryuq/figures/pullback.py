@@ -1,13 +1,15 @@
 """Pullbacks of a pressure wire: readings, the model before and after the search, and where its effects act."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.discrepancy.result.units_shown import shown_in
-from coronaryuq.figures.discrepancy import AFTER, BEFORE, MEASURED, after_label
+from coronaryuq.figures.discrepancy import AFTER, BEFORE, MEASURED, after_label, words_of
 from coronaryuq.figures.style import MUTED, saved
 
 SIGNIFICANT = 0.8
@@ -18,9 +20,11 @@ COLUMNS = (
 )
 
 
-def pullback(table: str | Path, output: str | Path) -> None:
+def pullback(
+    table: str | Path, output: str | Path, case: str | Path | None = None, tree: str | Path | None = None
+) -> None:
     """Draw each pullback along its path: readings with error bars, the model before and after, effects shaded."""
-    frame = read_csv(table, COLUMNS, words=("acting",))
+    frame, in_words = read_csv(table, COLUMNS, words=("acting",)), words_of(case, tree)
     groups = list(frame.groupby(["location", "condition", "quantity"], sort=False))
     with saved(output, nrows=max(1, len(groups)), figsize=(7.0, 3.4 * max(1, len(groups))), squeeze=False) as (
         canvas,
@@ -41,11 +45,11 @@ def pullback(table: str | Path, output: str | Path) -> None:
                 axis.axhline(SIGNIFICANT, color=MUTED, ls="--", lw=1)
                 axis.annotate(f"{SIGNIFICANT:.2f}", (1.0, SIGNIFICANT), (3, 0), ("axes fraction", "data"),
                               "offset points", fontsize=6, color=MUTED, va="center")  # fmt: skip
-            _name_vessels(axis, x, part)
+            _name_vessels(axis, x, part, in_words)
             statistic = part.statistic.iloc[0]
             axis.set_xlabel("distance from the start of the path (mm)")
             axis.set_ylabel("Pd/Pa" if quantity.endswith("ratio") else f"{statistic} pressure ({unit})")
-            axis.set_title(f"pullback along {location} under {condition}", fontsize=8, pad=14)
+            axis.set_title(f"pullback along {in_words(location)} under {condition}", fontsize=8, pad=14)
         canvas.legend(*axes.flat[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
 
 
@@ -63,7 +67,7 @@ def _shade(axis, x: np.ndarray, part: pd.DataFrame) -> None:
         axis.text(*where, words, transform=axis.get_xaxis_transform(), **style)
 
 
-def _name_vessels(axis, x: np.ndarray, part: pd.DataFrame) -> None:
+def _name_vessels(axis, x: np.ndarray, part: pd.DataFrame, in_words: Callable[[str], Any]) -> None:
     """Mark where one vessel of the path ends and the next begins, with their names above the axes."""
     vessels = part.vessel.to_numpy()
     for vessel in dict.fromkeys(vessels.tolist()):
@@ -71,4 +75,4 @@ def _name_vessels(axis, x: np.ndarray, part: pd.DataFrame) -> None:
         if own[0] > 0:
             axis.axvline(0.5 * (x[own[0] - 1] + x[own[0]]), color=MUTED, lw=0.6, ls=":", zorder=1)
         where = 0.5 * (x[own[0]] + x[own[-1]]), 1.01
-        axis.text(*where, vessel, transform=axis.get_xaxis_transform(), fontsize=6, ha="center", va="bottom")
+        axis.text(*where, in_words(vessel), transform=axis.get_xaxis_transform(), fontsize=6, ha="center", va="bottom")

@@ -1,5 +1,6 @@
 """Captions of the figures: what to see, what is good, what is bad, and what to do then."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 
@@ -127,6 +128,51 @@ CAPTIONS = {
     ),
 }  # fmt: skip
 """By the figure's name, in the order of the page."""
+SEARCHES = {
+    "tree": Caption(
+        "Misfit along the tree",
+        "The arterial tree from left to right, coloured by the largest misfit after recalibration. Diamonds: "
+        "named effects, on the vessel or at the bed where they act.",
+    ),
+    "residuals": Caption(
+        "Measured and predicted",
+        "Measurements with their noise, the recalibrated model, and the model with the named (or most probable) "
+        "effects: the waveforms with the largest misfit or, without waveforms, predicted against measured.",
+    ),
+    "ranking": Caption(
+        "Candidates",
+        "Candidates of each round of the search and their probabilities, given the library.",
+    ),
+    "sizes": Caption(
+        "Sizes of the effects",
+        "Posterior and prior of the sizes of the named (or most probable) effects.",
+    ),
+    "pullback": Caption(
+        "Pullback",
+        "Pullback of a pressure wire: readings with noise and usual drift, the recalibrated model, and the model "
+        "with the named (or most probable) effects, as the wire would read it. Shaded: where these act.",
+    ),
+    "gap": Caption(
+        "Misfit on held-out data",
+        "Misfit on held-out measurements, with 90 % intervals: residuals divided by the standard deviation "
+        "expected from noise and from the uncertainty of the fit.",
+    ),
+    "pairs": Caption(
+        "Pressure drop and FFR",
+        "Pressure drop against flow, and FFR of held-out samples, by branch.",
+    ),
+    "pairs_gap": Caption(
+        "Error of FFR on held-out samples",
+        "Error of FFR on held-out samples, with 90 % intervals over samples.",
+    ),
+    "pairs_effects": Caption(
+        "Effects by branch",
+        "Probability that each effect is part of the pressure-loss law of a branch.",
+    ),
+}
+"""Of the searches for missing effects, by the figure's name, in the order of the page."""
+INVENTED = "hidden"
+"""The case whose measurements are invented, to test the search."""
 SECTIONS = {
     "pictures": ("tree_ffr", "lumen", "walls", "territories"),
     "fit": ("cardiac_function", "flows"),
@@ -143,7 +189,12 @@ def category_of(figure: str) -> str:
     return next((TITLES[section] for section, names in SECTIONS.items() if figure in names), "Others")
 
 
-def labels_of(figure: str) -> dict[str, str]:
+def category_of_search(invented: bool) -> str:
+    """Return the heading of searches, which must not present an invented effect as one of the patient."""
+    return "Self-test of the search" if invented else "Missing effects"
+
+
+def labels_of(figure: str, captions: Mapping[str, Caption] = CAPTIONS) -> dict[str, str]:
     """Return what Snakemake's own report says of a figure."""
-    caption = CAPTIONS.get(figure)
+    caption = captions.get(figure)
     return {"figure": caption.title, "what to see": caption.see} if caption else {"figure": figure, "what to see": ""}

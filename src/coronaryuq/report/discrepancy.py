@@ -13,25 +13,10 @@ from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
+from coronaryuq.figures.discrepancy import words_of
+from coronaryuq.report.captions import INVENTED, SEARCHES, category_of_search
 from coronaryuq.report.embedding import data_url, in_code, in_script
 
-CAPTIONS = {
-    "tree": "The arterial tree from left to right, coloured by the largest misfit after recalibration. "
-    "Diamonds: named effects, on the vessel or at the bed where they act.",
-    "residuals": "Measurements with their noise, the recalibrated model, and the model with the named (or most "
-    "probable) effects: the waveforms with the largest misfit or, without waveforms, predicted against measured.",
-    "ranking": "Candidates of each round of the search and their probabilities, given the library.",
-    "sizes": "Posterior and prior of the sizes of the named (or most probable) effects.",
-    "pullback": "Pullback of a pressure wire: readings with noise and usual drift, the recalibrated model, and the "
-    "model with the named (or most probable) effects, as the wire would read it. Shaded: where these act.",
-    "gap": "Misfit on held-out measurements, with 90 % intervals: residuals divided by the standard deviation expected "
-    "from noise and from the uncertainty of the fit.",
-    "pairs": "Pressure drop against flow, and FFR of held-out samples, by branch.",
-    "pairs_gap": "Error of FFR on held-out samples, with 90 % intervals over samples.",
-    "pairs_effects": "Probability that each effect is part of the pressure-loss law of a branch.",
-}
-INVENTED = "hidden"
-"""The case whose measurements are invented, to test the search."""
 TITLES = {
     "pairs": "Pairs of simulated and measured outputs",
     INVENTED: "Self-test: an invented effect, hidden in the bundled patient's loop",
@@ -60,6 +45,9 @@ def write_page(
     settings: dict,
     out: str | Path,
     truths: Sequence[str] = (),
+    case: str | Path | None = None,
+    tree: str | Path | None = None,
+    of_patient: Sequence[str] = (),
 ) -> None:
     """Write the page of a discrepancy campaign.
 
@@ -68,7 +56,7 @@ def write_page(
     answers
         `discrepancy.json` of each case.
     figures
-        PNG files, named as in `CAPTIONS`.
+        PNG files, named as in `captions.SEARCHES`.
     campaign
         Name of the campaign.
     settings
@@ -77,10 +65,17 @@ def write_page(
         The page, HTML.
     truths
         Of synthetic cases: `truth.json`, and `gap.json`, the misfit with the true effect.
+    case, tree
+        `case.json` and `tree.vtp` of the patient, if any search is of the patient's network.
+    of_patient
+        These searches; their vessels, beds and places have the names of the case.
     """
+    in_words, found = words_of(case, tree), searches(answers, figures, truths)
     context = {
         "campaign": campaign,
-        "searches": searches(answers, figures, truths),
+        "searches": [
+            in_words(one) if case_of(path) in of_patient else one for path, one in zip(answers, found, strict=True)
+        ],
         "settings": yaml.safe_dump(settings, sort_keys=False),
         "provenance": [(f"SHA-256 of {case_of(path)}", provenance.checksum(path)) for path in answers],
     }
@@ -106,13 +101,13 @@ def searches(
 
 def title(found: Sequence[dict]) -> str:
     """Return the heading of some searches, which must not present an invented effect as one of the patient."""
-    return "Self-test of the search" if found and all(search["invented"] for search in found) else "Missing effects"
+    return category_of_search(bool(found) and all(search["invented"] for search in found))
 
 
 def _search(path: str, figures: list[str], truths: list[str], numbers: Iterator[int]) -> dict:
     answer = read_json(path)
     pairs, truth_files = "gap_unit" in answer, {Path(file).stem: file for file in truths}
-    order = {name: number for number, name in enumerate(CAPTIONS)}
+    order = {name: number for number, name in enumerate(SEARCHES)}
     return {
         "title": TITLES.get("pairs" if pairs else case_of(path), case_of(path)),
         "invented": case_of(path) == INVENTED,
@@ -129,7 +124,7 @@ def _search(path: str, figures: list[str], truths: list[str], numbers: Iterator[
             {
                 "number": next(numbers),
                 "anchor": f"fig-{re.sub(r'[^A-Za-z0-9]+', '-', case_of(path))}-{Path(f).stem}",
-                "caption": CAPTIONS[Path(f).stem],
+                "caption": SEARCHES[Path(f).stem].see,
                 "data": data_url(f),
                 "file": Path(f).name,
             }

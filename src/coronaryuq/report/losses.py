@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
+from coronaryuq.case.anatomy.network_names import part_of
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
-from coronaryuq.report.network_names import part_of
 
 
 def learnt(files: Mapping[str, str], stenoses: list[str], names: Mapping[str, str]) -> dict:

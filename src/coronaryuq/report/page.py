@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from coronaryuq.case.anatomy.dominance import WORDS
+from coronaryuq.case.anatomy.network_names import InWords
 from coronaryuq.case.case_json import CaseStenosis, CaseSummary, read_case
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
@@ -24,7 +25,6 @@ from coronaryuq.report.embedding import FIRST, data_url, figures_of_sections, un
 from coronaryuq.report.error_budget import includes
 from coronaryuq.report.lesions import Lesion, lesion_card
 from coronaryuq.report.mesh_error import MeshError
-from coronaryuq.report.network_names import InWords
 from coronaryuq.report.numbers import number
 from coronaryuq.report.quantities import kind_of
 from coronaryuq.report.runs3d import quality
@@ -76,7 +76,7 @@ def write_report(
     texts = alternatives(rows, lowest, summary, _names(case, rows))
     drawn = figures_of_sections(figures, texts, others={"fit": len(searches[1])})
     # Searches come after the fit to the data.
-    in_words = InWords(readings.names, {outlet.bc: outlet.label for outlet in case.outlets})
+    in_words = InWords.of(readings.tree, case.outlets)
     found = discrepancy.searches(*searches, first_figure=FIRST + len(drawn["pictures"]) + len(drawn["fit"]))
     context = {
         "case": case,

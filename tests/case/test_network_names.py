@@ -1,6 +1,6 @@
 """Parts of a 0D network have the names of the arteries on the page."""
 
-from coronaryuq.report.network_names import InWords
+from coronaryuq.case.anatomy.network_names import InWords
 
 IN_WORDS = InWords({"branch2": "LAD", "rca6": "PL1"}, {"BC_rca6": "PL1"})
 

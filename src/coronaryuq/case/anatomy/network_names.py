@@ -1,8 +1,12 @@
-"""Names of a 0D network's parts as a reader of the page knows them: `branch2_seg1` is part 2 of the LAD."""
+"""Names of a 0D network's parts as a reader knows them: `branch2_seg1` is part 2 of the LAD."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
+
+from coronaryuq.case.anatomy.tree import Tree
+from coronaryuq.case.anatomy.vessel_names import readable_names
+from coronaryuq.case.case_json import CaseOutlet
 
 _PART = re.compile(r"(\w+)_seg(\d+)")
 
@@ -28,6 +32,12 @@ class InWords:
 
     def __init__(self, vessels: Mapping[str, str], beds: Mapping[str, str]):
         self._vessels, self._beds = vessels, beds
+
+    @classmethod
+    def of(cls, tree: Tree, outlets: Iterable[CaseOutlet]) -> "InWords":
+        """Return the words for the network of a case."""
+        outlets = list(outlets)
+        return cls(readable_names(tree, outlets), {outlet.bc: outlet.label for outlet in outlets})
 
     def __call__(self, value: Any) -> Any:
         """Return a text, or a structure of lists and dictionaries, with readable names; pictures stay as they are."""
