@@ -195,3 +195,9 @@ def test_extremes_come_after_averages_and_a_value_in_all_runs_has_no_interval(ca
     assert [cell["heading"] for cell in found["extremes"]] == ["Max OSI"]
     low_shear = found["quantities"][2]
     assert (low_shear["value"], low_shear["range"]) == ("0", "in all 16 runs")
+
+
+def test_the_spread_is_the_one_of_the_quantiles(card):
+    """That of 16 runs alone was a fifth larger than the range beside it; without the estimate it is all there is."""
+    assert card()["spread"] == "0.200"
+    assert card(variance=value(0.01), quantiles=quantiles(0.64, 0.80, 0.96))["spread"] == "0.100"

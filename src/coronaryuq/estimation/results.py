@@ -169,6 +169,12 @@ class RowReport:
         """The recommended estimator."""
         return self.estimators[self.recommended]
 
+    @property
+    def variance_of_states(self) -> float:
+        """The variance over states: as estimated along with the quantiles, or else that of the 3D runs alone."""
+        estimated = self.beyond_the_mean.variance
+        return self.variance_3d if estimated is None else estimated.value
+
     def warnings_of(self, name: str) -> list[str]:
         """Return the warnings that concern an estimator: its own, and those of the runs unless it is a plain mean."""
         of_runs = self.warnings if name == self.recommended or name != "MC" else []

@@ -35,7 +35,7 @@ def what_would_change(row: RowReport, zones: Sequence[Probability], driver: Mapp
     words, margin = _shift(quantiles, zones[-1].complement, limit)
     lines = [words]
     estimate = row.recommended_report
-    if improve := improve_first(row.beyond_the_mean.by_source or {}, numerical_share(estimate, row.variance_3d)):
+    if improve := improve_first(row.beyond_the_mean.by_source or {}, numerical_share(estimate, row.variance_of_states)):
         lines.append(improve)
     elif driver:
         lines.append(f"Knowing {driver['name']} would narrow the range most: {driver['share']} of its variance.")

@@ -70,7 +70,7 @@ def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
         "open": verdict["class"] == "warn",
         "mean": quantity_cell(ffr_row, rows, lesion.mesh),
         "budget": error_budget(estimate) | {"std": digits.error(estimate.std)},
-        "spread": digits(float(np.sqrt(ffr_row.variance_3d))),
+        "spread": digits(float(np.sqrt(ffr_row.variance_of_states))),
         "drivers": drivers,
         "quantities": _cells(rows, branch, lesion.mesh, extreme=False),
         "extremes": _cells(rows, branch, lesion.mesh, extreme=True),
