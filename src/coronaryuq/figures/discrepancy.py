@@ -14,9 +14,9 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.patheffects import withStroke
 
-from coronaryuq.case.anatomy.network_names import InWords
 from coronaryuq.case.anatomy.tree import read_tree
 from coronaryuq.case.case_json import read_case
+from coronaryuq.case.network.network_names import InWords
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.result.units_shown import shown_in
@@ -40,7 +40,8 @@ def words_of(case: str | Path | None, tree: str | Path | None) -> Callable[[Any]
     """
     if case is None or tree is None:
         return lambda names: names
-    return InWords.of(read_tree(tree), read_case(case).outlets)
+    summary = read_case(case)
+    return InWords.of(read_tree(tree), summary.outlets, summary.stenoses)
 
 
 def tree(table: str | Path, output: str | Path, case: str | Path | None = None, tree: str | Path | None = None) -> None:

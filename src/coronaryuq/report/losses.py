@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 
-from coronaryuq.case.anatomy.network_names import part_of
+from coronaryuq.case.network.network_names import InWords
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
 
 
-def learnt(files: Mapping[str, str], stenoses: list[str], names: Mapping[str, str]) -> dict:
+def learnt(files: Mapping[str, str], stenoses: list[str], in_words: InWords) -> dict:
     """Return a sentence and the rows of the losses that are certain; an empty sentence if nothing was learnt.
 
     Parameters
@@ -16,8 +16,8 @@ def learnt(files: Mapping[str, str], stenoses: list[str], names: Mapping[str, st
         Paths of the report's inputs; `losses_fit` and `losses` if 3D runs taught the 0D model.
     stenoses
         Names of the stenoses, in whose places pressure over aortic pressure is FFR.
-    names
-        What a reader calls the vessels of the tree, of which 0D vessels are parts (`NAME_seg0`).
+    in_words
+        What a reader calls the 0D vessels.
     """
     if "losses_fit" not in files:
         return {"sentence": "", "rows": []}
@@ -32,7 +32,7 @@ def learnt(files: Mapping[str, str], stenoses: list[str], names: Mapping[str, st
     certain = table[table["meaning"].notna() & (table["meaning"] != "")]
     rows = [
         {
-            "where": _where(str(row.vessels).split(), names),
+            "where": _where(str(row.vessels).split(), in_words),
             "loss": row.loss,
             "own": f"{row.own_mmhg:.2f}",
             "added": f"{row.added_mmhg:+.2f} ± {row.added_sd_mmhg:.2f}",
@@ -43,11 +43,11 @@ def learnt(files: Mapping[str, str], stenoses: list[str], names: Mapping[str, st
     return {"sentence": sentence, "rows": rows}
 
 
-def _where(parts: list[str], names: Mapping[str, str]) -> str:
+def _where(parts: list[str], in_words: InWords) -> str:
     """Return the vessels of which some 0D vessels are parts, with the parts' numbers."""
     numbers: dict[str, list[int]] = {}
     for part in parts:
-        vessel, number = part_of(part, names) or (names.get(part, part), 0)
+        vessel, number = in_words.part_of(part) or (in_words(part), 0)
         numbers.setdefault(vessel, []).append(number)
     words = {vessel: ", ".join(map(str, filter(None, of))) for vessel, of in numbers.items()}
     return ", ".join(f"{vessel} (part {of})" if of else vessel for vessel, of in words.items())

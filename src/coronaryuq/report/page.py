@@ -9,8 +9,8 @@ import numpy as np
 import yaml
 
 from coronaryuq.case.anatomy.dominance import WORDS
-from coronaryuq.case.anatomy.network_names import InWords
 from coronaryuq.case.case_json import CaseStenosis, CaseSummary, read_case
+from coronaryuq.case.network.network_names import InWords
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.io.tables import read_csv
@@ -76,7 +76,7 @@ def write_report(
     texts = alternatives(rows, lowest, summary, _names(case, rows))
     drawn = figures_of_sections(figures, texts, others={"fit": len(searches[1])})
     # Searches come after the fit to the data.
-    in_words = InWords.of(readings.tree, case.outlets)
+    in_words = InWords.of(readings.tree, case.outlets, case.stenoses)
     found = discrepancy.searches(*searches, first_figure=FIRST + len(drawn["pictures"]) + len(drawn["fit"]))
     context = {
         "case": case,
@@ -104,7 +104,7 @@ def write_report(
         "runs3d": quality(records, configuration["flow3d"]["tolerance"]),
         "fit": _fit(read_csv(files["fit"]), summary),
         "chains": _chains(summary, configuration["posterior"]),
-        "losses": losses.learnt(files, [stenosis.name for stenosis in case.stenoses], readings.names),
+        "losses": losses.learnt(files, [stenosis.name for stenosis in case.stenoses], in_words),
         "noise": _noise(targets),
         "figures": drawn,
         "searches": in_words(found),
