@@ -1,5 +1,6 @@
 """Quality of the 3D runs for the engineer: each measure with its limit beside it."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -49,9 +50,14 @@ def _line(measure: Measure, runs: Sequence[Record]) -> dict | None:
     within = int((values <= measure.most).sum()) if measure.most is not None else len(values)
     return {
         "name": measure.name,
-        "median": f"{np.median(values):{measure.digits}}",
-        "worst": f"{values.max():{measure.digits}}",
-        "limit": "–" if measure.most is None else f"{measure.most:g}",
+        "median": _shown(np.median(values), measure.digits),
+        "worst": _shown(values.max(), measure.digits),
+        "limit": "–" if measure.most is None else _shown(measure.most, "g"),
         "verdict": "" if measure.most is None else f"{within} of {len(values)} runs within",
         "class": "" if measure.most is None else "good" if met else "warn",
     }
+
+
+def _shown(value: float, digits: str) -> str:
+    """Format a number; a line of a narrow table may break at a hyphen, so that powers of ten have a minus sign."""
+    return re.sub(r"e-0?", "e\u2212", f"{value:{digits}}")
