@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from coronaryuq.discrepancy.result.summary_text import next_measurement_text
 from coronaryuq.report import discrepancy
 from coronaryuq.report.discrepancy import title, write_page
 
@@ -48,6 +49,16 @@ def test_the_probability_of_a_class_and_of_its_member_are_shown(cells, answer, t
 def test_sizes_of_a_table_model_have_their_intervals(cells):
     text = "0.27 (0.24 to 0.29) of the root pressure, quadratic 4.01 (3.5 to 4.5) mmHg s2/mL2"
     assert cells(PAIRS | LOSS | {"class": [LOSS]})[3] == text
+
+
+@pytest.mark.parametrize("nats", [0.05, 0.5])
+def test_the_table_names_a_measurement_only_where_the_paragraph_does(cells, nats):
+    """One that distinguishes nothing stood in the table, beside "No mean pressure or flow would distinguish them"."""
+    measured = {"quantity": "flow", "location": "a", "condition": "rest", "statistic": "mean"}
+    best = [measured | {"already_measured": False, "expected_information_nats": nats}]
+    named = "would distinguish them best" in next_measurement_text(best)
+    shown = cells(PAIRS | LOSS | {"class": [LOSS, FRICTION], "next_measurements": best})[4]
+    assert named == ("distinguishable by mean flow at a under rest" in shown) == (nats > 0.1)
 
 
 @pytest.mark.parametrize(

@@ -116,7 +116,7 @@ def test_one_small_file_holds_everything(page):
     assert all(len(alt) > 20 for alt in re.findall(r'<img alt="([^"]*)"', text))
     assert len(re.findall(r"^@(?:article|software)\{", text, re.M)) >= 4
     shown = re.sub(r"base64,[^\"]*|<(pre|script|style).*?</\1>", "", text, flags=re.S)
-    assert not re.findall(r"\bBC_\w+|branch\d+", shown)
+    assert not re.findall(r"\bBC_\w+|branch\d+|\b[lr]ca\d+|mean_flow", shown)
 
 
 def test_every_figure_has_a_number_and_an_anchor_in_the_order_of_the_page(page):

@@ -10,7 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
-from coronaryuq.discrepancy.result.summary_text import paragraph
+from coronaryuq.discrepancy.result.summary_text import paragraph, worth_measuring
 from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.discrepancy import words_of
@@ -168,7 +168,7 @@ def _named(effect: dict) -> dict:
     others = [f"{member['effect']} at {member['place']}" for member in effect["class"][1:]]
     ends = [effect.get("physical", {}).get(f"{end} in the vessel, mm") for end in ("start", "end")]
     within = "" if None in ends else f", {ends[0]:.0f} to {ends[1]:.0f} mm from its start"
-    next_measurement = effect.get("next_measurements", [])[:1]
+    next_measurement = worth_measuring(effect.get("next_measurements", []))[:1]
     return {
         "effect": effect["effect"].replace("_", " "),
         "place": effect["place"] + within,

@@ -139,7 +139,12 @@ def _names(case: CaseSummary, rows: list[RowReport]) -> dict[str, str]:
     """Return what a reader calls the inputs and the 3D and 0D quantities."""
     quantities = {f"ffr_{stenosis.name.lower()}": f"FFR {stenosis.name}" for stenosis in case.stenoses}
     quantities |= {row.column_3d: f"{kind_of(row.column_3d).name} {row.label.split(', ')[-1]}" for row in rows}
-    return {outlet.bc: outlet.label for outlet in case.outlets} | quantities
+    return {outlet.bc: outlet.label for outlet in case.outlets} | _names_0d(rows) | quantities
+
+
+def _names_0d(rows: list[RowReport]) -> dict[str, str]:
+    """Return what a reader calls the 0D quantities: a row's label holds 3D quantity, 0D quantity and artery."""
+    return {row.column_0d: " ".join(row.label.split(", ")[1:]) or row.column_0d for row in rows}
 
 
 def _beyond(stenosis, mesh: MeshDescription) -> float | None:

@@ -281,13 +281,19 @@ def class_probability_text(members: Sequence[Mapping]) -> str:
     )
 
 
+def worth_measuring(best_first: Sequence[Mapping]) -> list[Mapping]:
+    """Return the measurements that would distinguish the members of a class, the best first."""
+    return [one for one in best_first if one["expected_information_nats"] >= LEAST_INFORMATION]
+
+
 def next_measurement_text(best_first: Sequence[Mapping]) -> str:
     """Name the measurement that would best distinguish the members of a class."""
     if not best_first:
         return ""
-    best = best_first[0]
-    if best["expected_information_nats"] < LEAST_INFORMATION:
+    informative = worth_measuring(best_first)
+    if not informative:
         return "No mean pressure or flow of these vessels would distinguish them. "
+    best = informative[0]
     what = f"The mean {best['quantity']} at {best['location']} under {best['condition']}"
     what += ", measured with another instrument," if best["already_measured"] else ""
     information = f"{best['expected_information_nats']:.2g} nats"
