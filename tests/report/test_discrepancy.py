@@ -5,9 +5,11 @@ import re
 from pathlib import Path
 
 import pytest
+from markupsafe import escape
 
 from coronaryuq.discrepancy.result.summary_text import next_measurement_text
 from coronaryuq.report import discrepancy
+from coronaryuq.report.captions import SEARCHES
 from coronaryuq.report.discrepancy import title, write_page
 
 LOSS = {"effect": "loss", "place": "lad", "probability": 0.4}
@@ -49,6 +51,23 @@ def test_the_probability_of_a_class_and_of_its_member_are_shown(cells, answer, t
 def test_sizes_of_a_table_model_have_their_intervals(cells):
     text = "0.27 (0.24 to 0.29) of the root pressure, quadratic 4.01 (3.5 to 4.5) mmHg s2/mL2"
     assert cells(PAIRS | LOSS | {"class": [LOSS]})[3] == text
+
+
+def test_every_figure_says_what_to_see_what_is_good_and_what_is_bad(tmp_path):
+    folder = tmp_path / "pairs"
+    (folder / "found").mkdir(parents=True)
+    (folder / "figures").mkdir()
+    answer = {"gap_unit": "FFR", "paragraph": "", "named": [], "held_out": {"branches": []}}
+    (folder / "found" / "discrepancy.json").write_text(json.dumps(answer))
+    figures = [folder / "figures" / f"{name}.png" for name in SEARCHES]
+    for figure in figures:
+        figure.write_bytes(b"")
+    answers = [str(folder / "found" / "discrepancy.json")]
+    write_page(answers, list(map(str, figures)), "smoke", {}, tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    for caption in SEARCHES.values():
+        said = (caption.title, caption.see, caption.good, caption.bad, caption.then)
+        assert all(said) and all(str(escape(words)) in text for words in said)
 
 
 @pytest.mark.parametrize("nats", [0.05, 0.5])

@@ -133,41 +133,68 @@ SEARCHES = {
         "Misfit along the tree",
         "The arterial tree from left to right, coloured by the largest misfit after recalibration. Diamonds: "
         "named effects, on the vessel or at the bed where they act.",
+        "All vessels pale: up to about 3 is chance.",
+        "A vessel much darker than the others.",
+        "See which effect is named there; without one, check that instrument and its noise.",
     ),
     "residuals": Caption(
         "Measured and predicted",
         "Measurements with their noise, the recalibrated model, and the model with the named (or most probable) "
         "effects: the waveforms with the largest misfit or, without waveforms, predicted against measured.",
+        "The model with the effects passes through the error bars, held-out panels included.",
+        "It misses them as the recalibrated model does.",
+        "Do not rely on the effect; check the noise and the conditions of these measurements.",
     ),
     "ranking": Caption(
         "Candidates",
         "Candidates of each round of the search and their probabilities, given the library.",
+        "One bar near 1.",
+        "Several bars of a similar length.",
+        "Take the measurement that distinguishes them, if the table names one.",
     ),
     "sizes": Caption(
         "Sizes of the effects",
         "Posterior and prior of the sizes of the named (or most probable) effects.",
+        "A posterior much narrower than its prior.",
+        "One as wide as its prior, or at the prior's end.",
+        "Read the effect as possible, its size as unknown; measure under one more condition.",
     ),
     "pullback": Caption(
         "Pullback",
         "Pullback of a pressure wire: readings with noise and usual drift, the recalibrated model, and the model "
         "with the named (or most probable) effects, as the wire would read it. Shaded: where these act.",
+        "Readings scatter around the model with the effects.",
+        "A step that no line follows.",
+        "Look for a lesion or a branch at that distance.",
     ),
     "gap": Caption(
         "Misfit on held-out data",
         "Misfit on held-out measurements, with 90 % intervals: residuals divided by the standard deviation "
         "expected from noise and from the uncertainty of the fit.",
+        "With the named effects about 1, as with the flexible discrepancy.",
+        "Well above 1, or the flexible one clearly lower.",
+        "Something is missing that the library does not have: see the residuals.",
     ),
     "pairs": Caption(
         "Pressure drop and FFR",
         "Pressure drop against flow, and FFR of held-out samples, by branch.",
+        "Repaired dots on the line of equal FFR.",
+        "They leave it where the unchanged model does.",
+        "See the error below; the law does not have this shape.",
     ),
     "pairs_gap": Caption(
         "Error of FFR on held-out samples",
         "Error of FFR on held-out samples, with 90 % intervals over samples.",
+        "With the named effects as low as the Gaussian process.",
+        "Clearly higher than the Gaussian process.",
+        "The named laws lack a part of the difference between the models.",
     ),
     "pairs_effects": Caption(
         "Effects by branch",
         "Probability that each effect is part of the pressure-loss law of a branch.",
+        "Bars near 0 or 1.",
+        "Bars around 0.5.",
+        "More pairs, or pairs over a wider range of flow, distinguish them.",
     ),
 }
 """Of the searches for missing effects, by the figure's name, in the order of the page."""

@@ -124,7 +124,7 @@ def _search(path: str, figures: list[str], truths: list[str], numbers: Iterator[
             {
                 "number": next(numbers),
                 "anchor": f"fig-{re.sub(r'[^A-Za-z0-9]+', '-', case_of(path))}-{Path(f).stem}",
-                "caption": SEARCHES[Path(f).stem].see,
+                "caption": SEARCHES[Path(f).stem],
                 "data": data_url(f),
                 "file": Path(f).name,
             }

@@ -175,8 +175,8 @@ def _counts(failures: dict, rows: list[RowReport], curve_nodes: int, posterior_r
         "n_posterior": f"{posterior_runs:,}",
         "n_0d_parts": f"{zerod['runs'] - propagation:,} at the inputs of 3D runs, {propagation:,} for propagation"
         + (f", {resampled:,} for MFMC-AE" if resampled else ""),
-        "note": f"Average cost: {per_3d:.1f} CPU-s for a 3D run and {per_0d:.4f} CPU-s for a 0D run, "
-        f"a ratio of {per_3d / max(per_0d, 1e-12):.0f}.",
+        "note": f"Average cost, without the start of its job: {per_3d:.1f} CPU-s for a 3D run and {per_0d:.4f} CPU-s "
+        f"for a 0D run, a ratio of {per_3d / max(per_0d, 1e-12):.0f}.",
     }
 
 
