@@ -65,6 +65,7 @@ def test_every_figure_says_what_to_see_what_is_good_and_what_is_bad(tmp_path):
     answers = [str(folder / "found" / "discrepancy.json")]
     write_page(answers, list(map(str, figures)), "smoke", {}, tmp_path / "page.html")
     text = (tmp_path / "page.html").read_text()
+    assert "<h1>Missing effects</h1>" in text
     for caption in SEARCHES.values():
         said = (caption.title, caption.see, caption.good, caption.bad, caption.then)
         assert all(said) and all(str(escape(words)) in text for words in said)

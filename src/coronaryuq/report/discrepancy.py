@@ -73,6 +73,7 @@ def write_page(
     in_words, found = words_of(case, tree), searches(answers, figures, truths)
     context = {
         "campaign": campaign,
+        "title": title(found),
         "searches": [
             in_words(one) if case_of(path) in of_patient else one for path, one in zip(answers, found, strict=True)
         ],
