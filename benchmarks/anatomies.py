@@ -4,6 +4,7 @@ Each PATH (what `coronaryuq init` takes) becomes a case without a question. What
 hyperaemic flow of the left ventricle, divided by Murray's law; pressures and volumes; a stretch of an artery, as
 `check` proposes it, where no narrowing was found; the wire's place that `init` gives as an example. The campaign has
 the settings of the configuration smoke. A network has no 3D model, so that its campaign ends with the posterior.
+A PATH may carry options of `init`, such as "PROJECT --group LAD_final".
 
     python benchmarks/anatomies.py WORK PATH...   # one JSON line each; folders in WORK
 """
@@ -12,9 +13,11 @@ import csv
 import json
 import re
 import resource
+import shlex
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,12 +94,12 @@ def _write(path: Path, rows: list[dict[str, str]]) -> None:
         writer.writerows(rows)
 
 
-def measure(work: Path, source: Path) -> dict[str, Any]:
-    """Return the times of one anatomy, up to the first command that fails."""
+def measure(work: Path, source: Path, options: Sequence[str] = ()) -> dict[str, Any]:
+    """Return the times of one anatomy, up to the first command that fails; options: of `init`."""
     name = re.sub(r"\W+", "-", "-".join(source.resolve().with_suffix("").parts[-2:]))
     folder = work / name
     line: dict[str, Any] = {"anatomy": name}
-    line["init"] = run(work, "init", str(source.resolve()), "--into", name, "--yes")
+    line["init"] = run(work, "init", str(source.resolve()), *options, "--into", name, "--yes")
     if not (folder / "case.yaml").exists():
         return line
     found = fill(folder)
@@ -128,8 +131,9 @@ def main(work: str, *paths: str) -> None:
     """Measure the anatomies one after another."""
     folder = Path(work).resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    for path in paths:
-        print(json.dumps(measure(folder, Path(path))), flush=True)
+    for words in paths:
+        path, *options = shlex.split(words)
+        print(json.dumps(measure(folder, Path(path), options)), flush=True)
 
 
 if __name__ == "__main__":
