@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from coronaryuq.core.units import MMHG
 from coronaryuq.flow3d.quantities import PATCH, WallRegion, area_quantile, stenosis_quantities
 
 
@@ -73,3 +74,12 @@ def test_quantities_of_a_uniform_wall():
         assert found[f"{name}_lad"] == pytest.approx([8.0, 12.0])
     assert found["osi_patch_max_lad"] == pytest.approx([0.8, 1.2])
     assert found["low_shear_area_lad"] == pytest.approx([1.0, 0.0])
+
+
+def test_the_pressure_drop_is_that_between_the_planes_where_there_are_two():
+    region, _ = plane(6)
+    shear, aortic = np.ones((len(region.rows), 2)), np.full(2, 100.0 * MMHG)
+    given = "LAD", 0.8 * aortic, aortic, shear, shear, region, 10.0
+    assert "pressure_drop_lad" not in stenosis_quantities(*given)
+    found = stenosis_quantities(*given, np.array([0.85, 0.95]) * aortic)
+    assert found["pressure_drop_lad"] == pytest.approx([5.0, 15.0])

@@ -16,6 +16,7 @@ from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
+from coronaryuq.core.units import MMHG
 from coronaryuq.flow3d.adapter import Batch, Outputs
 from coronaryuq.flow3d.mesh.coupling.cap_connections import downstream_block, upstream_block
 from coronaryuq.flow3d.mesh.generation import folder
@@ -79,11 +80,12 @@ def campaign(tmp_path_factory):
             "cut": {},
             "regions": {"LAD": {"id": 1}},
             "planes": {"LAD": {"point": [0.0, 0.0, 1.4], "normal": [0.0, 0.0, 1.0]}},
+            "proximal_planes": {"LAD": {"point": [0.0, 0.0, 0.2], "normal": [0.0, 0.0, 1.0]}},
         },
     )
     write_json(here / "network.json", network)
     aorta = next(name for name in Engine(network).unknowns if name.startswith("pressure:J_heart_outlet:"))
-    write_case_json(here / "case.json", aorta={"pressure": aorta.split(":", 1)[1]})
+    write_case_json(here / "case.json", aorta={"pressure": aorta.split(":", 1)[1]}, stenoses=[{}])
     table = {"sample": ["a", "b", "c"], "BC_lca1": [0.7, 1.0, 1.5], "R_cor_scaling": [0.9, 1.0, 1.1]}
     write_csv(here / "samples.csv", pd.DataFrame(table))
     return here
@@ -123,6 +125,24 @@ def test_a_record_keeps_the_quantities_of_the_cycles_before_the_last(campaign, r
     assert len(earlier["ffr_lad"]) == rows[0].cost["cycles"] - 1 == 2
     assert short.diagnostics["earlier_cycles"] == {name: [first] for name, (first, _) in earlier.items()}
     assert {name: short.outputs[name] for name in earlier} == {name: second for name, (_, second) in earlier.items()}
+
+
+def test_the_pressure_drop_is_what_is_lost_between_the_planes(rows):
+    """The mesh has caps 2 mm ahead of one plane and beyond the other, so that the drop between these is larger."""
+    for row in rows:
+        caps = [row.outputs[name] for name in row.outputs if name.startswith("mean_pressure:")]
+        behind = caps[0] - row.outputs["distal_pressure_lad"]
+        assert 0.9 * behind < MMHG * row.outputs["pressure_drop_lad"] < behind < 1.1 * (caps[0] - caps[1])
+
+
+def test_the_lowest_ffr_of_an_artery_is_at_its_end(campaign, rows):
+    """Behind the mesh the artery goes on in 0D, whose loss is that of its part there."""
+    network = read_network(campaign / "network.json")
+    for row in rows:
+        outlet = next(name for name in row.outputs if name.startswith("mean_pressure:lca1_seg1:"))
+        lost = network.vessel_values("lca1")["R_poiseuille"] * row.outputs[outlet.replace("pressure", "flow")]
+        end = (row.outputs[outlet] - lost) / row.outputs["aortic_pressure"]
+        assert row.outputs["lowest_ffr_lad"] == pytest.approx(end, rel=1e-3) and end < row.outputs["ffr_lad"]
 
 
 def test_more_resistance_means_less_flow_and_more_pressure_behind_the_stenosis(rows):

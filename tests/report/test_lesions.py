@@ -64,6 +64,11 @@ def test_the_verdict_depends_on_the_whole_interval_of_what_lies_below_the_highes
     assert card(zones=zones((low + high) / 2, low, high))["class"] == kind
 
 
+def test_the_card_has_the_pressure_drop_and_leaves_the_lowest_ffr_to_the_artery(card):
+    columns = dict.fromkeys(("ffr", "lowest_ffr", "pressure_drop", "tawss_min"), estimator())
+    assert [cell["heading"] for cell in card(columns)["quantities"]] == ["FFR", "Pressure drop (mmHg)"]
+
+
 def test_the_conclusion_is_one_sentence_with_the_patients_range_and_the_probability(card):
     told = card(zones=zones(0.93, 0.91, 0.95), quantiles=quantiles(0.66, 0.714, 0.81))["sentence"]
     assert told == (

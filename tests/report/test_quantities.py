@@ -22,6 +22,7 @@ def test_the_widest_interval_of_a_quantity_sets_the_decimals_of_all_arteries():
 
 def test_ffr_has_three_decimals_and_an_area_is_in_percent():
     assert Digits("ffr_lad", rows("ffr_", 0.2))(0.84567) == "0.846"
+    assert Digits("lowest_ffr_lad", rows("lowest_ffr_", 0.2))(0.84567) == "0.846"
     area = Digits("low_shear_area_lad", rows("low_shear_area_", 0.0005))
     assert area(0.00139) == "0.139" and area.kind.heading == "Low-shear area (%)"
 

@@ -44,7 +44,7 @@ def test_served_3d_runs_are_those_of_the_campaign(home, tmp_path):
     own, remote = (Outputs(tmp_path / f"{name}.jsonl", tmp_path / name) for name in ("own", "remote"))
     run_batch(batch, "ensemble", Settings(**SOLVER), own)
     with served(home) as (url, lines):
-        assert any(line.startswith("flow3d: 2 inputs, 12 outputs, up to 8 at once") for line in lines)
+        assert any(line.startswith("flow3d: 2 inputs, 14 outputs, up to 8 at once") for line in lines)
         run_batch(batch, "umbridge", Settings(umbridge={"url": url}), remote)
     for mine, theirs in zip(records.read(own.records), records.read(remote.records), strict=True):
         assert mine.ok and theirs.ok, (mine.reason, theirs.reason)

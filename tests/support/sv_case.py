@@ -43,7 +43,8 @@ def make_case(folder: Path, **settings) -> CoupledCase:
     write_tree(folder / "tree.vtp", tree)
     mesh_tree(tree, stenoses, network, coarse, folder / "mesh")
     write_network(folder / "network.json", network)
-    write_case_json(folder / "case.json", name="tube")
+    outlets, stenosis = [{"name": "LAD"}], {"vessel": "LAD", "start": 1.1, "end": 1.9}
+    write_case_json(folder / "case.json", name="tube", outlets=outlets, stenoses=[stenosis])
     given = {"steps_per_cycle": 100, "cycles": 1, "frames_per_cycle": 20} | settings
     batch = batch_of(folder, folder / "samples.csv", 0)
     return CoupledCase.of(batch.read_model(), batch.mesh_folder, SimVascularSettings(**given), low_shear=10.0)

@@ -15,6 +15,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.records import read as read_records
+from coronaryuq.core.units import MMHG
 from coronaryuq.report.captions import CAPTIONS
 from support import smoke
 
@@ -25,9 +26,11 @@ def test_the_table_has_every_row_and_estimator(results):
     table = read_csv(results / "estimation" / "table.csv")
     kinds = list(dict.fromkeys(name.rpartition("_")[0] for name in table["row"]))
     averages = ["tawss_patch_flow", "low_shear_flow", "osi_patch_flow"]
-    assert table["row"].nunique() == 21 and kinds == ["ffr_ffr", "ffr_flow", *averages, "osi_flow", "tawss_flow"]
+    pressures = ["lowest_ffr", "pressure_drop"]
+    extremes = ["osi_flow", "tawss_flow"]
+    assert table["row"].nunique() == 27 and kinds == ["ffr_ffr", "ffr_flow", *pressures, *averages, *extremes]
     for row, lines in table.groupby("row"):
-        networks = [] if row.rpartition("_")[0] in averages else ["MFMC-AE"]
+        networks = [] if row.rpartition("_")[0] in (*averages, *pressures) else ["MFMC-AE"]
         assert list(lines["estimator"]) == ["MC", "MFMC", *networks, "crossfit-GP"]
         assert lines["warnings"].str.startswith("extreme: ").all() == row.startswith(("osi_flow", "tawss_flow"))
     assert np.isfinite(table[["mean", "std"]]).all(axis=None)
@@ -35,6 +38,18 @@ def test_the_table_has_every_row_and_estimator(results):
     same = table["column_3d"].map(outputs.nunique() == 1)
     assert ((table["std"] <= 1e-12 * table["mean"].abs()) == same).all()
     assert table["warnings"][same].str.contains("does not vary").all()
+
+
+def test_the_lowest_ffr_lies_below_that_of_the_lesion_and_the_drop_below_what_it_lost(results):
+    """And 0D, which reads at the same places, foretells both."""
+    outputs, aorta = read_csv(results / "runs" / "outputs_3d.csv"), "aortic_pressure"
+    for artery in ("lad", "lcx", "rca"):
+        assert (outputs[f"lowest_ffr_{artery}"] <= outputs[f"ffr_{artery}"]).all()
+        lost = (1 - outputs[f"ffr_{artery}"]) * outputs[aorta] / MMHG
+        assert ((outputs[f"pressure_drop_{artery}"] > 0) & (outputs[f"pressure_drop_{artery}"] < lost)).all()
+    table = read_csv(results / "estimation" / "table.csv")
+    of_pressures = table[(table["estimator"] == "MFMC") & (table["column_3d"] == table["column_0d"])]
+    assert len(of_pressures) == 9 and (of_pressures["rho_in_sample"] > 0.9).all()
 
 
 def test_numbers_that_appear_twice_agree(results):
@@ -81,6 +96,7 @@ def test_the_report_contains_its_pictures_and_no_unfilled_fields(results):
     shown = re.sub(r"base64,[^\"]*|<(pre|script|style).*?</\1>", "", page, flags=re.S)  # without the configuration
     assert not re.search(r"\b(nan|None|undefined)\b", shown)
     assert "http://" not in shown and "https://" not in shown
+    assert "The pressure drop is that from the start of the lesion to where its FFR is read." in shown
 
 
 def test_snakemakes_own_report_holds_the_results(results, tmp_path):

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.stage import run_chunk
 from support.case_files import write_case_json
@@ -39,6 +40,24 @@ def test_rows_do_not_depend_on_chunks_or_batches(inputs):
     assert list(whole["status"]) == ["ok"] * 7
     ratio = whole["mean_pressure:left:BC_left"] / whole["mean_pressure:J_heart_outlet:aorta"]
     assert np.array_equal(whole["ffr_lad"], ratio) and ratio.between(0.2, 1.0).all()
+
+
+def test_the_drop_over_a_stenosis_follows_from_the_pressures_on_either_side(inputs):
+    whole = _chunk(inputs, 0, 7)
+    drop = (whole["mean_pressure:J0:left"] - whole["mean_pressure:left:BC_left"]) / MMHG
+    assert np.array_equal(whole["pressure_drop_lad"], drop) and (drop > 0.1).all()
+
+
+def test_the_lowest_ffr_of_an_artery_is_that_of_its_lowest_end_wherever_its_stenosis_is(inputs):
+    """Both vessels are of one artery here; the pressure of an outlet of the RV counts, and gets no column."""
+    left = _chunk(inputs, 0, 7)
+    outlets = [{"name": "left", "perfuses": "RV"}, {"name": "right"}]
+    right = LAD | {"vessel": "right", "ffr": "right:BC_right", "flow": "J0:right", "outlet": "BC_right"}
+    write_case_json(inputs / "case.json", outlets=outlets, stenoses=[right])
+    other = _chunk(inputs, 0, 7)
+    assert (left["ffr_lad"] < other["ffr_lad"]).all() and "mean_pressure:left:BC_left" not in other
+    for whole in (left, other):
+        assert np.array_equal(whole["lowest_ffr_lad"], left["ffr_lad"])
 
 
 @pytest.mark.slow

@@ -17,6 +17,8 @@ OUTPUTS: Columns = (
     ("(mean|min|max)_flow:.+", "flow at the 0D location: mean, minimum or maximum over a cycle", "mL/s"),
     ("(mean|min|max)_pressure:.+", "pressure at the 0D location: mean, minimum or maximum over a cycle", "dyn/cm2"),
     ("ffr_.+", "fractional flow reserve distal to the stenosis: distal over aortic mean pressure", "1"),
+    ("lowest_ffr_.+", "lowest fractional flow reserve of the artery, over its ends and its stenoses", "1"),
+    ("pressure_drop_.+", "mean pressure before the stenosis less that where its FFR is read", "mmHg"),
     ("tawss_patch_min_.+", "smallest average of time-averaged wall shear stress over a patch of 1 mm", "dyn/cm2"),
     ("osi_patch_max_.+", "largest average of the oscillatory shear index over a patch of 1 mm", "1"),
     ("low_shear_area_.+", "share of the stenosis' wall with low time-averaged wall shear stress", "1"),
@@ -159,6 +161,7 @@ ROWS: Columns = (
     *ROW,
     ("(qoi_3d|qoi_0d|branch)", "3D quantity, 0D quantity, artery, for the label", "text"),
     ("networks", "whether MFMC-AE is trained for the row", "yes/no"),
+    ("shared", "whether control variates of other rows see its 0D output", "yes/no"),
     ("warning", "what a reader has to know about the quantity itself", "text"),
 )
 TABLE: Columns = (

@@ -12,7 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Tree, read_tree
-from coronaryuq.case.case_json import read_case
+from coronaryuq.case.case_json import CaseSummary, read_case
+from coronaryuq.case.lowest_ffr import FfrPlaces, ffr_places
 from coronaryuq.case.lumen.profiles import Lumen, lumen_of
 from coronaryuq.case.network.network import LUMEN, VISCOSITY, Network
 from coronaryuq.core.errors import InputError
@@ -21,6 +22,7 @@ from coronaryuq.flow3d.mesh.coupling.cut_network import CutNetwork, cut_network
 from coronaryuq.flow3d.mesh.morph.morph import Morph
 from coronaryuq.flow3d.mesh.read_mesh import Domain, read_domain
 from coronaryuq.flow3d.shapes import Shapes, draw_shapes
+from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import read_theta
@@ -51,6 +53,8 @@ class FlowModel:
         Of blood, g/cm3 and poise.
     tree
         The lumen that the mesh was made from; needed if the network's lumen is uncertain.
+    case
+        The case, whose arteries have a lowest FFR each; None where that is not asked for.
     """
 
     domain: Domain
@@ -59,6 +63,7 @@ class FlowModel:
     density: float
     viscosity: float
     tree: Tree | None = field(default=None, kw_only=True)
+    case: CaseSummary | None = field(default=None, kw_only=True)
 
     @cached_property
     def engine(self) -> Engine:
@@ -88,6 +93,11 @@ class FlowModel:
             return None
         factor = np.broadcast_to(np.asarray(theta.get(VISCOSITY, 1.0), float), (samples,))
         return draw_shapes(self.domain, self._morph, self.viscosity * factor, theta, samples)
+
+    @cached_property
+    def ffr_places(self) -> dict[str, FfrPlaces]:
+        """Where the lowest FFR of each artery is sought; its ends are pressures of the coupled 0D side."""
+        return {} if self.case is None else ffr_places(self.case, Model(self.coupled.network).variables)
 
     @property
     def aortic_pressure(self) -> str:
@@ -133,7 +143,7 @@ class Batch:
         if uncertain and self.tree is None:
             raise InputError(self.network, LUMEN, None, "the lumen is uncertain: give the case's tree.vtp, too")
         tree = read_tree(self.tree) if uncertain and self.tree is not None else None
-        return FlowModel(domain, network, case.aorta.pressure, case.density, case.viscosity, tree=tree)
+        return FlowModel(domain, network, case.aorta.pressure, case.density, case.viscosity, tree=tree, case=case)
 
     def read_samples(self, network: Network) -> list[Sample]:
         """Read the batch's rows; `InputError` for too few rows or a column that is not a coronary bed."""

@@ -13,7 +13,14 @@ from coronaryuq.core.io.typed import checked, plain
 from coronaryuq.core.records import Record
 from coronaryuq.flow3d.numerical_error import NumericalError, Source, numerical_error
 
-UNITS = {"ffr_": "1", "tawss_": "dyn/cm2", "osi_": "1", "low_shear_": "1"}
+UNITS = {
+    "ffr_": "1",
+    "lowest_ffr_": "1",
+    "pressure_drop_": "mmHg",
+    "tawss_": "dyn/cm2",
+    "osi_": "1",
+    "low_shear_": "1",
+}
 """Beginnings of the names of the quantities of interest, and their units."""
 
 Values = dict[str, np.ndarray]

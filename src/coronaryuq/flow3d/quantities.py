@@ -1,4 +1,4 @@
-"""Quantities of interest of a stenosis, from cycle averages on its wall region and its distal plane."""
+"""Quantities of interest of a stenosis, from cycle averages on its wall region and the planes on either side."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -7,6 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.spatial import KDTree
 
+from coronaryuq.core.units import MMHG
 from coronaryuq.flow3d.fem.elements import face_vectors
 
 PATCH = 0.1
@@ -107,8 +108,11 @@ def stenosis_quantities(
     osi: np.ndarray,
     region: WallRegion,
     low_shear: float,
+    proximal: np.ndarray | None = None,
 ) -> dict[str, np.ndarray]:
-    """Return FFR and the statistics of wall shear of one stenosis, each (samples,), by their names in the records.
+    """Return FFR, pressure drop and the statistics of wall shear of one stenosis, by their names in the records.
+
+    Each is (samples,). The drop, mmHg, is that from the plane before the stenosis to the one of FFR behind it.
 
     Parameters
     ----------
@@ -122,9 +126,12 @@ def stenosis_quantities(
         The region.
     low_shear
         Wall shear stress below which it counts as low, dyn/cm2.
+    proximal
+        (samples,) mean pressure on the plane before it, dyn/cm2; None where the mesh has no such plane.
     """
     key, area = stenosis.lower(), region.area
     weight = area[:, None]
+    drop = {} if proximal is None else {f"pressure_drop_{key}": (proximal - distal) / MMHG}
     return {
         f"ffr_{key}": distal / aortic,
         f"tawss_min_{key}": tawss.min(axis=0),
@@ -137,6 +144,7 @@ def stenosis_quantities(
         f"osi_patch_max_{key}": (region.patches @ osi).max(axis=0),
         f"low_shear_area_{key}": region.share_below(tawss, low_shear),
         f"distal_pressure_{key}": distal,
+        **drop,
     }
 
 

@@ -24,7 +24,7 @@ def alternatives(
         What a reader calls the inputs.
     """
     ffr = [row for row in rows if row.column_3d.startswith(FFR)]
-    shear = [row for row in rows if not row.column_3d.startswith(FFR)]
+    shear = [row for row in rows if kind_of(row.column_3d).shear]
     medians = [f"{names.get(name, name)} {one.median:.2f}" for name, one in summary.multipliers.items()]
     texts = {
         "intervals_ffr": f"Mean of FFR by estimator: {_quoted(ffr, rows)}.",

@@ -102,7 +102,8 @@ def quantity_cell(row: RowReport, rows: Sequence[RowReport], mesh: MeshError) ->
 
 def _cells(rows: Sequence[RowReport], branch: str, mesh: MeshError, extreme: bool) -> list[dict]:
     """Return a cell for each quantity of a branch that was estimated, averages or extremes."""
-    columns = [f"{prefix}{branch}" for prefix, kind in KINDS.items() if kind.extreme == extreme]
+    kinds = {prefix: kind for prefix, kind in KINDS.items() if not kind.of_artery}
+    columns = [f"{prefix}{branch}" for prefix, kind in kinds.items() if kind.extreme == extreme]
     estimated = {row.column_3d for row in rows}
     return [quantity_cell(recommended_row(rows, column), rows, mesh) for column in columns if column in estimated]
 

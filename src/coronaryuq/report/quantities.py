@@ -8,6 +8,7 @@ import numpy as np
 from coronaryuq.estimation.results import RowReport, Value
 
 FFR = "ffr_"
+LOWEST_FFR = "lowest_ffr_"
 FFR_DECIMALS = 3
 """Digits of a mean of FFR. A pressure wire has two; the third shows how close the mean is to the threshold."""
 MOST_DECIMALS = 4
@@ -19,12 +20,18 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of 3D quantity. scale: of the number shown to that in the tables. extreme: has settled on no mesh."""
+    """A kind of 3D quantity.
+
+    scale: of the number shown to that in the tables. extreme: has settled on no mesh. of_artery: of an artery, and not
+    of a stenosis. shear: of the wall.
+    """
 
     name: str
     unit: str = ""
     scale: float = 1.0
     extreme: bool = False
+    of_artery: bool = False
+    shear: bool = True
 
     @property
     def heading(self) -> str:
@@ -32,7 +39,9 @@ class Kind:
 
 
 KINDS = {
-    FFR: Kind("FFR"),
+    FFR: Kind("FFR", shear=False),
+    LOWEST_FFR: Kind("Lowest FFR", of_artery=True, shear=False),
+    "pressure_drop_": Kind("Pressure drop", "mmHg", shear=False),
     "tawss_patch_min_": Kind("Patch-min TAWSS", "dyn/cm²"),
     "low_shear_area_": Kind("Low-shear area", "%", 100.0),
     "osi_patch_max_": Kind("Patch-max OSI"),
@@ -66,7 +75,8 @@ class Digits:
         intervals = [row.recommended_report.calibrated for row in same]
         width = max(((one.high - one.low) * self.kind.scale for one in intervals), default=0.0)
         wanted = 1 - int(np.floor(np.log10(width))) if width > 0 else 0
-        self.decimals = FFR_DECIMALS if column.startswith(FFR) else min(max(wanted, 0), MOST_DECIMALS)
+        of_ffr = column.startswith((FFR, LOWEST_FFR))
+        self.decimals = FFR_DECIMALS if of_ffr else min(max(wanted, 0), MOST_DECIMALS)
 
     def __call__(self, value: float | None) -> str:
         """Format a value of the quantity, or one with its unit, such as a standard error; a dash for none."""

@@ -13,6 +13,7 @@ from coronaryuq.campaign.results import ResultsFolder
 from coronaryuq.campaign.targets import Targets
 from coronaryuq.campaign.variants import runs_3d
 from coronaryuq.case.case_json import read_case
+from coronaryuq.case.lowest_ffr import ffr_places
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
@@ -27,6 +28,7 @@ from coronaryuq.posterior.model.flow_model import Response, respond
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.results import Chains
 from coronaryuq.zerod.network.beds import SCALING
+from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.stage import LoopModel
 from coronaryuq.zerod.theta import Theta
@@ -127,7 +129,9 @@ class LogLikelihood:
 
 
 class Flow3D:
-    """θ → FFR and wall shear stress of every stenosis in 3D, by the campaign's solver.
+    """θ → what 3D runs measure, by the campaign's solver.
+
+    FFR, pressure drop and wall shear stress of every stenosis, and the lowest FFR of every artery.
 
     Parameters
     ----------
@@ -146,20 +150,24 @@ class Flow3D:
         self._backend = files.configuration.backend
         mesh_json = files.path(kind.mesh, "mesh.json")
         loop = files.path("calibration", "hyperaemia.json")
-        self.signed = Theta(read_network(loop), loop).laws.names
+        network = read_network(loop)
+        self.signed = Theta(network, loop).laws.names
         self._batch = Batch(
             files.path("case", "case.json"), loop,
             files.path(kind.mesh, "mesh-complete"), mesh_json, "", 0, 0, files.path("case", "tree.vtp"),
         )  # fmt: skip
         one, triangle = np.ones(1), WallRegion.of(np.eye(3), np.array([[0, 1, 2]]), np.arange(3))
-        shear = np.ones((3, 1))
+        shear, mesh = np.ones((3, 1)), read_description(mesh_json)
+        before = {name: one if name in mesh.proximal_planes else None for name in mesh.regions}
+        arteries = ffr_places(read_case(files.path("case", "case.json")), Model(network).variables)
         self.outputs = [
             *(
                 name
-                for stenosis in read_description(mesh_json).regions
-                for name in stenosis_quantities(stenosis, one, one, shear, shear, triangle, 1.0)
+                for stenosis in mesh.regions
+                for name in stenosis_quantities(stenosis, one, one, shear, shear, triangle, 1.0, before[stenosis])
             ),
             "aortic_pressure",
+            *(f"lowest_ffr_{artery.lower()}" for artery in arteries),
         ]
         self.lanes = LANES if self._backend == "ensemble" else 1
 

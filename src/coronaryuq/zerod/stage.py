@@ -10,10 +10,12 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.case.case_json import CaseSummary, read_case
+from coronaryuq.case.lowest_ffr import PRESSURE, ffr_places, lowest_ffr
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import replacing
 from coronaryuq.core.records import FAILED, OK
 from coronaryuq.core.remote_model import RemoteModel
+from coronaryuq.core.units import MMHG
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.solver.periodic import Periodicity
@@ -40,8 +42,9 @@ def run_chunk(
     `R_cor_scaling`, and one per uncertain parameter. Columns out: sample, status (ok or failed), reason, cpu_s, cycles,
     cycle_error, refinement, then
     mean, min and max of flow (mL/s) and pressure (dyn/cm2) at the aorta and at each stenosis' root, inlet and outlet
-    and at the outlets that perfuse the LV, then ffr_X. Values do not depend on how samples are cut into chunks, because
-    every sample starts from the network's own periodic state. A failed sample is a row without values.
+    and at the outlets that perfuse the LV, then ffr_X and pressure_drop_X (mmHg) of every stenosis and lowest_ffr_X of
+    every artery. Values do not depend on how samples are cut into chunks, because every sample starts from the
+    network's own periodic state. A failed sample is a row without values.
     """
     model = LoopModel if settings.backend != "umbridge" else UmbridgeModel
     solver = model(network_path, case_path, settings)
@@ -67,7 +70,7 @@ class LoopModel:
     network, theta
         The loop, and what θ changes in it.
     outputs
-        Names of the quantities: flows in mL/s, pressures in dyn/cm2, FFR.
+        Names of the quantities: flows in mL/s, pressures in dyn/cm2, FFR, pressure drops in mmHg.
 
     Raises
     ------
@@ -86,7 +89,16 @@ class LoopModel:
         measured = [f"{statistic}_{kind}:{at}" for at in places for kind in KINDS for statistic in STATISTICS]
         more = [f"mean_pressure:{at}" for at in self._ratios.values()]
         self._quantities = list(dict.fromkeys([*measured, *more]))
-        self.outputs = [*self._quantities, *self._ratios]
+        self._drops = {
+            f"pressure_drop_{s.name.lower()}": tuple(f"mean_{PRESSURE}{renamed.get(at, at)}" for at in (s.flow, s.ffr))
+            for s in case.stenoses
+        }
+        self._places = ffr_places(case, solver.unknowns)
+        self._ends = {end: f"mean_{end}" for of in self._places.values() for end in of.ends}
+        # Not every outlet's pressure is written: the columns of the tables are those that were measured so far.
+        self._read = list(dict.fromkeys([*self._quantities, *self._ends.values()]))
+        lowest = [f"lowest_ffr_{artery.lower()}" for artery in self._places]
+        self.outputs = [*self._quantities, *self._ratios, *self._drops, *lowest]
         self._aorta = f"mean_pressure:{case.aorta.pressure}"
         fixed: dict[str, Any] = {"steps_per_cycle": settings.steps_per_cycle, "threads": settings.threads}
         self._march: Callable[..., Result]
@@ -101,7 +113,7 @@ class LoopModel:
         """Run a batch: a table of θ with `sample` in, one row of `run_chunk`'s columns per sample out."""
         inputs = {name: theta[name].to_numpy() for name in theta.columns if name != "sample"}
         spent = time.process_time()
-        result = self._march(self.theta.changes(inputs), self._quantities, start=self._start)
+        result = self._march(self.theta.changes(inputs), self._read, start=self._start)
         spent = (time.process_time() - spent) / len(theta)
         ok = result.status == OK
         frame = {
@@ -114,10 +126,17 @@ class LoopModel:
             "refinement": result.refinement,
         }
         frame |= {name: np.where(ok, result.values[name], np.nan) for name in self._quantities}
-        aorta = result.values[self._aorta]
-        for name, at in self._ratios.items():
-            frame[name] = np.where(ok, result.values[f"mean_pressure:{at}"] / aorta, np.nan)
+        frame |= {name: np.where(ok, value, np.nan) for name, value in self._derived(result.values).items()}
         return pd.DataFrame(frame)
+
+    def _derived(self, values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return what is computed of the mean pressures: FFR, pressure drops, lowest FFR of each artery."""
+        aorta = values[self._aorta]
+        ffr = {name: values[f"mean_{PRESSURE}{at}"] / aorta for name, at in self._ratios.items()}
+        drops = {name: (values[before] - values[beyond]) / MMHG for name, (before, beyond) in self._drops.items()}
+        at_ends = {end: values[mean] / aorta for end, mean in self._ends.items()}
+        at_stenoses = {of: ffr[f"ffr_{of.lower()}"] for artery in self._places.values() for of in artery.stenoses}
+        return ffr | drops | lowest_ffr(self._places, at_ends, at_stenoses)
 
 
 class UmbridgeModel:

@@ -1,5 +1,7 @@
 """Every estimator of a small campaign, with a coarse 3D level beside the 3D runs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -27,6 +29,26 @@ def test_a_coarse_mesh_gives_two_more_estimators(with_coarse):
     assert blue.warnings == [] and row.recommended in ("BLUE", "crossfit-GP", "multilevel")
     assert row.estimators["multilevel"].std < mfmc.std
     assert row.levels.fine < row.levels.cheap, "the coarse run explains most of the fine one"
+
+
+@pytest.mark.slow
+def test_a_row_whose_0d_output_is_its_own_changes_no_other_row(with_coarse):
+    """It is estimated with that output, coarse level and all."""
+    alone = analysed(with_coarse)
+    for name in ("outputs_0d.csv", "outputs_0d_propagation.csv", "outputs_0d_coarse.csv"):
+        table = pd.read_csv(with_coarse / name)
+        table.assign(pressure_drop_lad=1 / table["ffr_lad"] - 1).to_csv(with_coarse / name, index=False)
+    for name in ("outputs_3d.csv", "outputs_3d_coarse.csv"):
+        table = pd.read_csv(with_coarse / name)
+        table.assign(pressure_drop_lad=table["osi"] ** 2).to_csv(with_coarse / name, index=False)
+    rows = pd.read_csv(with_coarse / "rows.csv").astype({"row": str})
+    drop = {"row": "drop", "column_3d": "pressure_drop_lad", "column_0d": "pressure_drop_lad", "shared": "no"}
+    pd.concat([rows, pd.DataFrame([drop])]).to_csv(with_coarse / "rows.csv", index=False)
+    runs, chosen = read_runs(with_coarse), read_rows(with_coarse / "rows.csv")
+    first, second = analyse(runs, chosen, SETTINGS, 3, beyond_mean=False)
+    assert first == alone and set(second.estimators) == set(first.estimators)
+    every = analyse(runs, [replace(row, shared=True) for row in chosen], SETTINGS, 3, beyond_mean=False)
+    assert every[0] != alone, "without the word the other row's control variates see it"
 
 
 @pytest.mark.slow

@@ -6,8 +6,9 @@ import pytest
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv, write_csv
-from coronaryuq.estimation.runs.gather import CoarseCost, coarse_cost, gather
+from coronaryuq.estimation.runs.gather import CoarseCost, coarse_cost, gather, rows
 from coronaryuq.estimation.runs.table import read_rows, read_runs
+from support.case_files import case_summary
 from support.small_campaign import AVERAGES, LIMITS, PAPERS, write_campaign
 
 
@@ -27,20 +28,35 @@ def test_the_estimators_read_what_was_gathered(campaign):
     runs = read_runs(folder)
     assert len(runs) == 12 and len(runs.theta_more) == 20 and runs.q_more is not None
     assert runs.limits.tolist() == [[0.5, 2.0], [0.5, 2.0], [0.7, 1.25]]
-    rows = read_rows(folder / "rows.csv")
+    chosen = read_rows(folder / "rows.csv")
     kinds = ("ffr_ffr", "ffr_flow", "osi_flow", "tawss_flow")
-    assert [row.name for row in rows] == [f"{kind}_{branch}" for kind in kinds for branch in ("lad", "rca")]
-    for row in rows:
+    assert [row.name for row in chosen] == [f"{kind}_{branch}" for kind in kinds for branch in ("lad", "rca")]
+    for row in chosen:
         assert row.column_3d in runs.y and row.column_0d in runs.q
 
 
 def test_averages_come_before_extremes_which_say_what_they_are(campaign):
-    rows = read_rows(campaign(quantities=(*PAPERS, *AVERAGES)) / "rows.csv")
-    of_lad = [row for row in rows if row.name.endswith("_lad")]
+    chosen = read_rows(campaign(quantities=(*PAPERS, *AVERAGES)) / "rows.csv")
+    of_lad = [row for row in chosen if row.name.endswith("_lad")]
     columns = ["ffr", "ffr", "tawss_patch_min", "low_shear_area", "osi_patch_max", "osi_max", "tawss_min"]
     assert [row.column_3d for row in of_lad] == [f"{name}_lad" for name in columns]
     assert [row.networks for row in of_lad] == [True, True, False, False, False, True, True]
     assert [row.warning[:7] for row in of_lad] == [""] * 5 + ["extreme"] * 2
+
+
+def test_pressures_have_rows_where_both_models_measured_them():
+    """A solver of others may lack them; the lowest FFR is one of each artery, the drop one of each lesion."""
+    stenoses = [{"name": "LAD"}, {"name": "LAD2", "artery": "LAD"}, {"name": "RCA"}]
+    case = case_summary(stenoses=stenoses, outlets=[{}, {"name": "rca1", "branch": "RCA"}])
+    columns = ["lowest_ffr_lad", "lowest_ffr_rca", *(f"pressure_drop_{name}" for name in ("lad", "lad2", "rca"))]
+    found = rows(case, columns, [*columns, "mean_flow:lca1:BC_lca1"])
+    new = found[~found["column_3d"].str.startswith(("ffr_", "osi_", "tawss_"))]
+    assert list(new["column_3d"]) == columns == list(new["column_0d"])
+    assert set(new["networks"]) == {"no"} == set(new["shared"]) and list(new["row"]) == columns
+    assert new["qoi_3d"].iloc[0] == "lowest FFR" and list(new["branch"]) == ["LAD", "RCA", "LAD", "LAD2", "RCA"]
+    assert set(found["shared"].drop(new.index)) == {"yes"}
+    for one, other in ((columns, ["mean_flow:lca1:BC_lca1"]), (["ffr_lad"], columns)):
+        assert not rows(case, one, other)["column_3d"].isin(columns).any()
 
 
 def test_failed_3d_samples_keep_their_inputs(campaign):

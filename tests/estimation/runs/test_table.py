@@ -170,6 +170,10 @@ def test_rows_say_whether_networks_are_trained_for_them(folder):
     pd.DataFrame(rows | {"warning": ["", "an extreme", None]}).to_csv(folder / "rows.csv", index=False)
     read = read_rows(folder / "rows.csv")
     assert [(row.networks, row.warning) for row in read] == [(True, ""), (False, "an extreme"), (True, "")]
+    assert all(row.shared for row in read)
     pd.DataFrame(rows | {"networks": ["yes", "no", "maybe"]}).to_csv(folder / "rows.csv", index=False)
+    pd.DataFrame(rows | {"shared": ["no", "yes", "perhaps"]}).to_csv(folder / "shared.csv", index=False)
+    with pytest.raises(InputError, match="shared.*perhaps.*write yes or no"):
+        read_rows(folder / "shared.csv")
     with pytest.raises(InputError, match="networks.*maybe.*write yes or no"):
         read_rows(folder / "rows.csv")

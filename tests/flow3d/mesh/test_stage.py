@@ -115,6 +115,15 @@ def test_plane_lies_on_the_axis_distal_to_the_stenosis(stenosed):
     assert plane.point[0] > stenoses[0].end
 
 
+def test_the_plane_before_a_stenosis_lies_where_it_begins(stenosed):
+    _, content, _, stenoses, _ = stenosed
+    plane = content.proximal_planes["LAD"]
+    assert plane.point == pytest.approx([stenoses[0].start, 0.0, 0.0], abs=1e-3)
+    assert plane.arc == pytest.approx(plane.point[0], abs=0.05)
+    start = stenoses[0].start - content.regions["LAD"].throat
+    assert plane.distance_from_throat == pytest.approx(start, abs=1e-3)
+
+
 @pytest.mark.slow
 def test_equal_input_gives_equal_bytes(stenosed, coarse, tmp_path):
     out, _, tree, stenoses, network = stenosed
@@ -285,3 +294,6 @@ def test_regions_of_serial_stenoses_do_not_overlap(tmp_path, coarse):
     assert ends[0][1] == pytest.approx(1.6) and ends[0][1] <= ends[1][0] < second.start
     assert all(region.triangles > 100 for region in content.regions.values())
     assert 1.4 <= content.planes["LAD"].point[0] <= 1.8 < 2.4 <= content.planes["LAD2"].point[0]
+    before = content.proximal_planes
+    assert before["LAD"].point[0] == pytest.approx(0.8, abs=1e-3)
+    assert before["LAD2"].point[0] == pytest.approx(1.8, abs=1e-3)

@@ -13,6 +13,7 @@ import pyvista as pv
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_text
+from coronaryuq.core.units import MMHG
 from coronaryuq.flow3d.adapter import Outputs, Processes, Sample
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.simvascular import coupled_case, svsolver
@@ -106,8 +107,8 @@ def finished(case, tmp_path):
         grid.point_data["WSS"] = sign * np.tile([0.0, 8.0, 0.0], (len(points), 1))
         grid.save(run / "4-procs" / f"result_{step:03d}.vtu")
     names = [f"{kind}:{place}" for place in case.coupled.place.values() for kind in ("flow", "pressure")]
-    names.append(case.aortic_pressure)
-    rows = [f"{k / 20} 1.0 9e4 1.5 8e4 1.1e5" for k in range(20)]
+    names += ["pressure:LAD:BC_LAD", case.aortic_pressure]
+    rows = [f"{k / 20} 1.0 9e4 1.5 8e4 7.7e4 1.1e5" for k in range(20)]
     write_text(run / "svZeroD_data", "\n".join([f"{len(names)} {' '.join(names)}", *rows]) + "\n")
     return run
 
@@ -115,8 +116,10 @@ def finished(case, tmp_path):
 def test_quantities_of_interest_agree_with_the_fields(case, finished):
     record = SvMultiPhysics(case).collect(finished, SAMPLE)
     values = record.outputs
-    plane = case.domain.planes["LAD"][0]
+    plane, before = case.domain.planes["LAD"][0], case.domain.proximal_planes["LAD"][0]
     assert values["ffr_lad"] == pytest.approx((1e5 - 1e3 * plane[1]) / 1.1e5, rel=1e-6)
+    assert values["pressure_drop_lad"] == pytest.approx(1e3 * (plane[1] - before[1]) / MMHG, rel=1e-6)
+    assert before[1] == pytest.approx(1.1, abs=1e-3) and values["lowest_ffr_lad"] == pytest.approx(0.7)
     assert values["tawss_min_lad"] == pytest.approx(8.0)
     assert values["osi_max_lad"] == pytest.approx(0.5 * (1.0 - 10.0 / 20.0))
     assert values["mean_flow:LAD_seg0:inlet_LAD"] == 1.0
@@ -164,13 +167,15 @@ def test_svsolver_reads_what_svpost_combines(case, tmp_path):
     volume.save(run / svsolver.ALL_VTU)
     wall.save(run / svsolver.ALL_VTP)
     names = [f"{kind}:{place}" for place in case.coupled.place.values() for kind in ("flow", "pressure")]
-    names.append(case.aortic_pressure)
-    rows = [f"{k / 20} 1.0 9e4 1.5 8e4 1.1e5" for k in range(20)]
+    names += ["pressure:LAD:BC_LAD", case.aortic_pressure]
+    rows = [f"{k / 20} 1.0 9e4 1.5 8e4 7.7e4 1.1e5" for k in range(20)]
     (run / "2-procs_case").mkdir()
     write_text(run / "2-procs_case" / "svZeroD_data", "\n".join([f"{len(names)} {' '.join(names)}", *rows]) + "\n")
     values = SvSolver(case).collect(run, SAMPLE).outputs
-    plane = case.domain.planes["LAD"][0]
+    plane, before = case.domain.planes["LAD"][0], case.domain.proximal_planes["LAD"][0]
     assert values["ffr_lad"] == pytest.approx((1e5 - 1e3 * plane[1]) / 1.1e5, rel=1e-6)
+    assert values["pressure_drop_lad"] == pytest.approx(1e3 * (plane[1] - before[1]) / MMHG, rel=1e-6)
+    assert before[1] == pytest.approx(1.1, abs=1e-3) and values["lowest_ffr_lad"] == pytest.approx(0.7)
     assert values["tawss_min_lad"] == pytest.approx(8.0)
     assert values["osi_max_lad"] == pytest.approx(0.0, abs=1e-12)
 

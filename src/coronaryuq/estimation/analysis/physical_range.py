@@ -9,6 +9,7 @@ Ends = TypeVar("Ends", Interval, Value)
 
 RANGES = {
     "ffr_": (0.0, 1.0),
+    "lowest_ffr_": (0.0, 1.0),
     "tawss_": (0.0, float("inf")),
     "osi_": (0.0, 0.5),
     "low_shear_area_": (0.0, 1.0),

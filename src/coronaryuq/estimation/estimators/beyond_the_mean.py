@@ -33,7 +33,7 @@ def beyond_the_mean(design: Design, row: Row, predictions: Predictions, settings
             for share in SHARES
         },
         zones=tails.zones(design, y, predictions, settings.ffr_zones, level)
-        if row.column_3d.lower().startswith("ffr")
+        if row.column_3d.lower().startswith(("ffr", "lowest_ffr"))
         else None,
         sobol_first_order=sensitivity.sobol(design, y, predictions, level),
         sobol_total=effects.total,

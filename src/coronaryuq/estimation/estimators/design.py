@@ -54,9 +54,9 @@ class Design:
     """Everything that is fixed before any 3D output is used.
 
     fold (n,); blocks, one per fold; held_out: 0D output → (n,) emulated without the sample's own fold; shared: names
-    of the 0D outputs that every control variate may see, those of all rows among them; emulator_error: 0D output →
-    held-out mean square error over variance. coarse: per fold its samples of the coarse 3D level beyond the pilot;
-    empty without such a level. target: as in `crossfit.Options`. dependence: how samples depend on each other.
+    of the 0D outputs that every control variate may see, those of all `shared` rows among them; emulator_error: 0D
+    output → held-out mean square error over variance. coarse: per fold its samples of the coarse 3D level beyond the
+    pilot; empty without such a level. target: as in `crossfit.Options`. dependence: how samples depend on each other.
     """
 
     runs: Runs
@@ -150,8 +150,10 @@ def make_design(
     fold, dependence = assign_runs(runs, k, seed)
     k = int(fold.max()) + 1
     integrated = scaling is not None and integrable(runs, scaling)
-    wanted = list(dict.fromkeys(row.column_0d for row in rows))
-    names = informative(runs.q, wanted, max(most, len(wanted)), families)
+    wanted = list(dict.fromkeys(row.column_0d for row in rows if row.shared)) or [row.column_0d for row in rows]
+    shared = informative(runs.q, wanted, max(most, len(wanted)), families)
+    # One emulator per output: those of a single row change no other's.
+    names = list(dict.fromkeys([*shared, *(row.column_0d for row in rows)]))
     order = generator(seed, "estimation", "blocks").permutation(m)
     predicted = MOST // (len(NODES) if integrated else 1)
     log_theta, held_out, blocks = runs.coordinates(runs.theta), {name: np.empty(n) for name in names}, []
@@ -173,7 +175,7 @@ def make_design(
     error = {
         name: float(np.mean((held_out[name] - runs.q[name]) ** 2) / (np.var(runs.q[name]) or 1.0)) for name in names
     }
-    return Design(runs, fold, blocks, held_out, names, error, integrated, tuple(coarse), dependence=dependence)
+    return Design(runs, fold, blocks, held_out, shared, error, integrated, tuple(coarse), dependence=dependence)
 
 
 def integrable(runs: Runs, scaling: str) -> bool:

@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 
-from coronaryuq.case.case_json import CaseSummary, read_case
+from coronaryuq.case.case_json import Branch, CaseSummary, read_case
 from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
@@ -36,9 +36,13 @@ class Quantity:
     networks
         Whether MFMC-AE is trained for it.
     optional
-        Leave the row out where the 3D runs do not have the column.
+        Leave the row out where the runs do not have its columns.
     warning
         What a reader has to know about the quantity itself.
+    shared
+        Whether control variates of other rows see its 0D output.
+    of_artery
+        Whether it is one of each artery, and not of each stenosis.
     """
 
     row: str
@@ -49,6 +53,8 @@ class Quantity:
     networks: bool = True
     optional: bool = False
     warning: str = ""
+    shared: bool = True
+    of_artery: bool = False
 
     def of(self, branch: str, outlet: str, columns_0d: Sequence[str]) -> dict[str, str]:
         """Return the row of one branch, a line of `rows.csv`; outlet: boundary condition of its flow."""
@@ -57,7 +63,8 @@ class Quantity:
             "row": f"{self.row}_{branch.lower()}", "qoi_3d": self.qoi_3d, "qoi_0d": self.qoi_0d, "branch": branch,
             "column_3d": self.column_3d.format(branch.lower()),
             "column_0d": self.column_0d.format(branch.lower(), outlet=place),
-            "networks": "yes" if self.networks else "no", "warning": self.warning,
+            "networks": "yes" if self.networks else "no", "shared": "yes" if self.shared else "no",
+            "warning": self.warning,
         }  # fmt: skip
 
 
@@ -70,9 +77,22 @@ def _average(row: str, qoi_3d: str, column_3d: str) -> Quantity:
     return Quantity(row, qoi_3d, FLOW[0], column_3d, FLOW[1], networks=False, optional=True)
 
 
+def _pressure(name: str, words: str, of_artery: bool = False) -> Quantity:
+    """Return a quantity that is read off the same pressures in 3D and 0D.
+
+    What its 0D output says of other rows, FFR and mean flows say already.
+    """
+    columns = f"{name}_{{}}", f"{name}_{{}}"
+    return Quantity(
+        name, words, words, *columns, networks=False, optional=True, shared=False, of_artery=of_artery
+    )  # fmt: skip
+
+
 QUANTITIES = (
     Quantity("ffr_ffr", "FFR", "FFR", "ffr_{}", "ffr_{}"),
     Quantity("ffr_flow", "FFR", FLOW[0], "ffr_{}", FLOW[1]),
+    _pressure("lowest_ffr", "lowest FFR", of_artery=True),
+    _pressure("pressure_drop", "pressure drop"),
     _average("tawss_patch_flow", "patch-min TAWSS", "tawss_patch_min_{}"),
     _average("low_shear_flow", "low-shear area", "low_shear_area_{}"),
     _average("osi_patch_flow", "patch-max OSI", "osi_patch_max_{}"),
@@ -86,7 +106,7 @@ QUANTITIES = (
         warning=EXTREME.format("min TAWSS", "patch-min TAWSS"),
     ),
 )
-"""FFR and averages over a part of the wall, then extremes; those with networks are the paper's (Table 1)."""
+"""FFR, pressures and averages over a part of the wall, then extremes; those with networks are the paper's (Table 1)."""
 
 
 @dataclass(frozen=True)
@@ -256,13 +276,19 @@ def _failed(runs: list[records.Record]) -> list[dict[str, Any]]:
 
 
 def rows(case: CaseSummary, columns_3d: Sequence[str], columns_0d: Sequence[str]) -> pd.DataFrame:
-    """Return the rows to estimate for this case: one per quantity and stenosis, extremes last."""
+    """Return the rows to estimate for this case: one per quantity and stenosis or artery, extremes last."""
+    stenoses = {stenosis.name: stenosis.outlet for stenosis in case.stenoses}
+    arteries = dict.fromkeys(get_args(Branch), "")
+    found = [
+        (quantity, quantity.of(name, outlet, columns_0d))
+        for quantity in QUANTITIES
+        for name, outlet in (arteries if quantity.of_artery else stenoses).items()
+    ]
     return pd.DataFrame(
         [
-            quantity.of(stenosis.name, stenosis.outlet, columns_0d)
-            for quantity in QUANTITIES
-            for stenosis in case.stenoses
-            if not quantity.optional or quantity.column_3d.format(stenosis.name.lower()) in columns_3d
+            row
+            for quantity, row in found
+            if not quantity.optional or (row["column_3d"] in columns_3d and row["column_0d"] in columns_0d)
         ]
     )
 

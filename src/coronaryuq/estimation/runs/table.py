@@ -97,7 +97,8 @@ class Runs:
 class Row:
     """One line of the table: a 3D quantity, the 0D quantity that the paper pairs with it, and a label.
 
-    networks: whether MFMC-AE is trained for it. warning: what a reader has to know about the quantity.
+    networks: whether MFMC-AE is trained for it. warning: what a reader has to know about the quantity. shared: whether
+    control variates of other rows see its 0D output.
     """
 
     name: str
@@ -106,6 +107,7 @@ class Row:
     label: str
     networks: bool = True
     warning: str = ""
+    shared: bool = True
 
 
 def read_runs(folder: str | Path) -> Runs:
@@ -169,14 +171,14 @@ def read_runs(folder: str | Path) -> Runs:
 def read_rows(path: str | Path) -> list[Row]:
     """Read `rows.csv`: columns `row, column_3d, column_0d`; the label joins `qoi_3d, qoi_0d, branch` where present.
 
-    Where present, `networks` says whether MFMC-AE is trained for the row, and `warning` what a reader has to know
-    about its quantity.
+    Where present, `networks` says whether MFMC-AE is trained for the row, `shared` whether control variates of other
+    rows see its 0D output, and `warning` what a reader has to know about its quantity.
 
     Raises
     ------
     InputError
-        If the file has no rows, an empty cell in a needed column, two rows of one name, or `networks` other than yes
-        and no.
+        If the file has no rows, an empty cell in a needed column, two rows of one name, or `networks` or `shared` other
+        than yes and no.
     """
     frame = read_csv(path, columns=KEYS)
     if not len(frame):
@@ -197,17 +199,18 @@ def read_rows(path: str | Path) -> list[Row]:
             r["column_3d"],
             r["column_0d"],
             ", ".join(filter(None, (r[w] for w in words))) or r["column_3d"],
-            _yes(path, r.get("networks", "")),
+            _yes(path, "networks", r.get("networks", "")),
             r.get("warning", ""),
+            _yes(path, "shared", r.get("shared", "")),
         )
         for _, r in frame.iterrows()
     ]
 
 
-def _yes(path: str | Path, word: str) -> bool:
-    """Return whether MFMC-AE is trained for a row; it is, unless the file says no."""
+def _yes(path: str | Path, column: str, word: str) -> bool:
+    """Return what a column says of a row: yes, unless the file says no."""
     if word.lower() not in ("", "yes", "no"):
-        raise InputError(path, "networks", word, "write yes or no")
+        raise InputError(path, column, word, "write yes or no")
     return word.lower() != "no"
 
 

@@ -99,7 +99,7 @@ class Block:
         self.stepper = Stepper(
             space, settings.backflow_stabilisation, settings.momentum_tolerance, settings.momentum_sweeps
         )
-        self.observer = Observer(model.domain, space, task.fields, settings.low_shear)
+        self.observer = Observer(model.domain, space, task.fields, settings.low_shear, model.ffr_places)
         self.waveforms = list(task.waveforms)
         self.begun = time.perf_counter()
         self.key = provenance.digest(
@@ -127,6 +127,7 @@ class Block:
             LANES, self.steps, self.space.nominal_admittance / self.model.density,
         )  # fmt: skip
         self._aortic_row = self.zerod.rows([self.model.aortic_pressure])[0]
+        self._end_rows = self.zerod.rows(self.observer.ends)
         self._recorded = self.zerod.rows([coupled.in_cut_network(name) for name in self.waveforms])
         self.waves = np.empty((len(self._recorded), self.steps, LANES))
         self.alive = np.array([not reason for reason in self.reasons])
@@ -199,7 +200,8 @@ class Block:
             self.total_steps += 1
             if observe:
                 self.waves[:, self.zerod.position] = self.zerod.state[self._recorded, :LANES]
-                self.observer.every_step(self.stepper, self.zerod.state[self._aortic_row, :LANES])
+                aortic, at_ends = (self.zerod.state[rows, :LANES] for rows in (self._aortic_row, self._end_rows))
+                self.observer.every_step(self.stepper, aortic, at_ends)
                 if step % stride == 0:
                     self.observer.at_wall_sample(self.stepper, weight)
                     if step % (stride * _DIAGNOSE_EVERY) == 0:

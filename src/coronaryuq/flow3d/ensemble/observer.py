@@ -1,9 +1,10 @@
-"""Averages over a cycle of a running block: wall shear, distal pressure, cap flows, fields, diagnostics."""
+"""Averages over a cycle of a running block: wall shear, pressures, cap flows, fields, diagnostics."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from coronaryuq.case.lowest_ffr import FfrPlaces, lowest_ffr
 from coronaryuq.core.jit import njit
 from coronaryuq.core.simd import absolute, fma, store
 from coronaryuq.flow3d.fem.cross_section import section_weights
@@ -49,10 +50,21 @@ def _samples(geometries: int) -> list[slice]:
 
 
 class Observer:
-    """Integrals over a cycle for LANES samples; `reset` starts a cycle, `quantities` ends it."""
+    """Integrals over a cycle for LANES samples; `reset` starts a cycle, `quantities` ends it.
 
-    def __init__(self, domain: Domain, space: Discretisation, fields: bool, low_shear: float):
+    places: where the lowest FFR of each artery is sought.
+    """
+
+    def __init__(
+        self,
+        domain: Domain,
+        space: Discretisation,
+        fields: bool,
+        low_shear: float,
+        places: Mapping[str, FfrPlaces] | None = None,
+    ):
         self.space, self.fields, self.low_shear = space, fields, low_shear
+        self.places = places or {}
         self.wall = WallShear(space)
         solver_node = np.full(space.nodes, -1)
         solver_node[space.node_of] = np.arange(space.nodes)
@@ -65,17 +77,27 @@ class Observer:
             name: [WallRegion.of(mesh_points[..., k], triangles, wall_row[solver_node]) for k in geometries]
             for name, triangles in domain.regions.items()
         }
-        self.sections = {
-            name: _joined(
-                [section_weights(space.places[..., k], space.elements.tets, *plane, name) for k in geometries]
-            )
-            for name, plane in domain.planes.items()
-        }
+        self.distal_sections, self.proximal_sections = (
+            {
+                name: _joined(
+                    [section_weights(space.places[..., k], space.elements.tets, *plane, name) for k in geometries]
+                )
+                for name, plane in planes.items()
+            }
+            for planes in (domain.planes, domain.proximal_planes)
+        )
         self.reset()
+
+    @property
+    def ends(self) -> list[str]:
+        """0D pressures whose mean `every_step` takes, beside that of the aorta."""
+        return [end for of in self.places.values() for end in of.ends]
 
     def reset(self) -> None:
         self.wall.reset()
-        self.distal = {name: np.zeros(LANES) for name in self.sections}
+        self.distal = {name: np.zeros(LANES) for name in self.distal_sections}
+        self.proximal = {name: np.zeros(LANES) for name in self.proximal_sections}
+        self.at_ends = np.zeros((len(self.ends), LANES))
         self.cap_flow = np.zeros((len(self.space.caps), LANES))
         self.cap_pressure = np.zeros_like(self.cap_flow)
         self.cap_flow_range = np.full((2, *self.cap_flow.shape), np.nan)
@@ -91,13 +113,15 @@ class Observer:
             self.mean_velocity = np.zeros((self.space.nodes, 3, LANES))
             self.mean_pressure = np.zeros((self.space.nodes, LANES))
 
-    def every_step(self, stepper: Stepper, aortic: np.ndarray) -> None:
+    def every_step(self, stepper: Stepper, aortic: np.ndarray, at_ends: np.ndarray) -> None:
+        """Add a step, with the aortic pressure (LANES,) and those of the `ends`, (ends, LANES)."""
         self.steps += 1
         self.cap_flow += stepper.cap_flow
         self.cap_pressure += stepper.cap_pressure
         self.cap_flow_range[0] = np.fmin(self.cap_flow_range[0], stepper.cap_flow)
         self.cap_flow_range[1] = np.fmax(self.cap_flow_range[1], stepper.cap_flow)
         self.aortic += aortic
+        self.at_ends += at_ends
         largest = np.abs(stepper.cap_flow).max(axis=0)
         self.imbalance = np.maximum(self.imbalance, np.abs(stepper.cap_flow.sum(axis=0)) / largest)
         self.backflow_steps += stepper.backflow_lanes
@@ -108,8 +132,9 @@ class Observer:
         """Add wall shear, pressure on the planes and fields with a weight of `weight` seconds."""
         self.wall.sample(stepper, weight)
         pressure = stepper.pressure
-        for name, (nodes, share) in self.sections.items():
-            self.distal[name] += weight * (share * pressure[nodes]).sum(axis=0)
+        for sums, sections in ((self.distal, self.distal_sections), (self.proximal, self.proximal_sections)):
+            for name, (nodes, share) in sections.items():
+                sums[name] += weight * (share * pressure[nodes]).sum(axis=0)
         if self.fields:
             self.mean_velocity += weight * stepper.u
             self.mean_pressure += weight * pressure
@@ -132,14 +157,18 @@ class Observer:
         quantities: dict[str, np.ndarray] = {}
         for name, regions in self.regions.items():
             distal = self.distal[name] / self.wall.time
+            proximal = self.proximal[name] / self.wall.time if name in self.proximal else None
             own = [
                 stenosis_quantities(
-                    name, distal[k], aortic[k], tawss[region.rows, k], osi[region.rows, k], region, self.low_shear
+                    name, distal[k], aortic[k], tawss[region.rows, k], osi[region.rows, k], region, self.low_shear,
+                    None if proximal is None else proximal[k],
                 )
                 for region, k in zip(regions, _samples(len(regions)), strict=True)
-            ]
+            ]  # fmt: skip
             quantities |= {key: np.concatenate([one[key] for one in own]) for key in own[0]}
-        return quantities | {"aortic_pressure": aortic}
+        at_ends = dict(zip(self.ends, self.at_ends / self.steps / aortic, strict=True))
+        at_stenoses = {name: quantities[f"ffr_{name.lower()}"] for name in self.regions}
+        return quantities | {"aortic_pressure": aortic} | lowest_ffr(self.places, at_ends, at_stenoses)
 
     def diagnostics(self, k: int) -> dict[str, float]:
         """Return the numerical diagnostics of lane k over the cycle."""

@@ -70,7 +70,7 @@ class Region(_Part):
 
 
 class Plane(_Part):
-    """Cross-section distal to a stenosis: point and radius (cm), unit normal pointing downstream."""
+    """Cross-section beside a stenosis: point and radius (cm), unit normal pointing downstream."""
 
     point: Vector
     normal: Vector
@@ -94,6 +94,7 @@ class MeshDescription(_Part):
     cut: dict[str, Remainder] = {}
     regions: dict[str, Region]
     planes: dict[str, Plane]
+    proximal_planes: dict[str, Plane] = {}
     quality: dict[str, Any] = {}
     failed_attempts: list[str] = []
     settings: dict[str, Any] = {}

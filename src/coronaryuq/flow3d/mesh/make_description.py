@@ -36,6 +36,7 @@ def describe(
         cut=connections.cut,
         regions=marked,
         planes={s.name: regions.plane(tree, s, present, built, settings.ffr_diameters) for s in present},
+        proximal_planes={s.name: regions.proximal_plane(tree, s, present, built) for s in present},
         quality=shape(mesh) | {"throat_resolution": {s.name: resolution(tree, s, mesh) for s in present}},
         failed_attempts=built.failures,
         settings=settings.model_dump(mode="json"),

@@ -1,6 +1,6 @@
 """A mesh as a flow solver uses it: nodes, tetrahedra, caps, stenosis regions and planes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,8 @@ class Domain:
         Stenosis → point (3,) in cm and unit normal (3,) of the plane distal to it.
     description
         Content of `mesh.json`.
+    proximal_planes
+        Stenosis → point and normal of the plane before it.
     """
 
     points: np.ndarray
@@ -39,6 +41,7 @@ class Domain:
     regions: dict[str, np.ndarray]
     planes: dict[str, tuple[np.ndarray, np.ndarray]]
     description: MeshDescription
+    proximal_planes: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
 
 def read_domain(mesh_folder: str | Path, mesh_json: str | Path) -> Domain:
@@ -55,5 +58,8 @@ def read_domain(mesh_folder: str | Path, mesh_json: str | Path) -> Domain:
     for name, triangles in regions.items():
         if not len(triangles):
             raise InputError(mesh_json, f"regions.{name}", None, "no wall triangle belongs to it; regenerate the mesh")
-    planes = {name: (np.array(plane.point), np.array(plane.normal)) for name, plane in description.planes.items()}
-    return Domain(mesh.points, mesh.tets, caps, inlets, regions, planes, description)
+    planes, proximal = (
+        {name: (np.array(plane.point), np.array(plane.normal)) for name, plane in of.items()}
+        for of in (description.planes, description.proximal_planes)
+    )
+    return Domain(mesh.points, mesh.tets, caps, inlets, regions, planes, description, proximal)

@@ -43,7 +43,7 @@ class CoupledCase(FlowModel):
         cls, model: FlowModel, mesh_folder: str | Path, settings: SimVascularSettings, low_shear: float
     ) -> "CoupledCase":
         shared = (model.domain, model.network, model.aorta, model.density, model.viscosity)
-        return cls(*shared, Path(mesh_folder).resolve(), settings, low_shear, tree=model.tree)
+        return cls(*shared, Path(mesh_folder).resolve(), settings, low_shear, tree=model.tree, case=model.case)
 
     def drawn(self, sample: Sample, mesh_folder: Path) -> "CoupledCase":
         """Return the case with the lumen of a sample, whose mesh is written to `mesh_folder`; itself if it is known.

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from coronaryuq.case.lowest_ffr import lowest_ffr
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.vtk import read_vtk
 from coronaryuq.core.records import Record
@@ -21,11 +22,13 @@ class Fields:
 
     def __init__(self, case: CoupledCase):
         self.domain = domain = case.domain
-        self.low_shear = case.low_shear
-        self.sections = {
-            name: section_weights(domain.points, domain.tets, *plane, name)[:2] for name, plane in domain.planes.items()
-        }
-        self.distal = dict.fromkeys(self.sections, 0.0)
+        self.low_shear, self.places = case.low_shear, case.ffr_places
+        self.distal_sections, self.proximal_sections = (
+            {name: section_weights(domain.points, domain.tets, *plane, name)[:2] for name, plane in planes.items()}
+            for planes in (domain.planes, domain.proximal_planes)
+        )
+        self.distal = dict.fromkeys(self.distal_sections, 0.0)
+        self.proximal = dict.fromkeys(self.proximal_sections, 0.0)
         self.vector = np.zeros((len(domain.points), 3))
         self.magnitude = np.zeros(len(domain.points))
         self.count = 0
@@ -34,23 +37,31 @@ class Fields:
         """Add one frame: nodal pressure (n,) and wall shear stress vectors (n, 3), zero off the wall."""
         if not (np.isfinite(pressure).all() and np.isfinite(shear).all()):
             raise RunFailed(f"{where} contains values that are not finite: the run blew up")
-        for name, (nodes, share) in self.sections.items():
-            self.distal[name] += float(share @ pressure[nodes])
+        for sums, sections in ((self.distal, self.distal_sections), (self.proximal, self.proximal_sections)):
+            for name, (nodes, share) in sections.items():
+                sums[name] += float(share @ pressure[nodes])
         self.vector += shear
         self.magnitude += np.linalg.norm(shear, axis=1)
         self.count += 1
 
-    def quantities(self, aortic: float) -> dict[str, float]:
-        """Return the quantities of interest by their names in the record; aortic: mean aortic pressure, dyn/cm2."""
+    def quantities(self, aortic: float, waves: Mapping[str, np.ndarray]) -> dict[str, float]:
+        """Return the quantities of interest by their names in the record.
+
+        aortic: mean aortic pressure, dyn/cm2. waves: 0D histories of the last cycle.
+        """
         tawss = (self.magnitude / self.count)[:, None]
         osi = 0.5 * (1.0 - np.linalg.norm(self.vector, axis=1) / np.maximum(self.magnitude, 1e-300))[:, None]
         quantities = {"aortic_pressure": aortic}
         for name, triangles in self.domain.regions.items():
             region = WallRegion.of(self.domain.points, triangles, np.arange(len(self.domain.points)))
             distal, shear = np.array([self.distal[name] / self.count]), (tawss[region.rows], osi[region.rows])
-            values = stenosis_quantities(name, distal, np.array([aortic]), *shear, region, self.low_shear)
+            proximal = np.array([self.proximal[name] / self.count]) if name in self.proximal else None
+            values = stenosis_quantities(name, distal, np.array([aortic]), *shear, region, self.low_shear, proximal)
             quantities |= {key: float(value[0]) for key, value in values.items()}
-        return quantities
+        at_ends = {end: np.mean(waves[end]) / aortic for of in self.places.values() for end in of.ends}
+        at_stenoses = {name: np.array(quantities[f"ffr_{name.lower()}"]) for name in self.domain.regions}
+        lowest = lowest_ffr(self.places, at_ends, at_stenoses)
+        return quantities | {key: float(value) for key, value in lowest.items()}
 
 
 def histories(case: CoupledCase, path: Path) -> dict[str, np.ndarray]:
@@ -92,7 +103,7 @@ def record(
     return Record(
         sample.name,
         dict(sample.theta),
-        fields.quantities(float(waves[case.aortic_pressure].mean())) | cap_quantities(case, waves),
+        fields.quantities(float(waves[case.aortic_pressure].mean()), waves) | cap_quantities(case, waves),
         solver=dict(solver),
         cost={"cycles": case.settings.cycles, "steps": case.steps},
         diagnostics={"steps_per_cycle": case.settings.steps_per_cycle, "frames": fields.count},

@@ -1,4 +1,4 @@
-"""Where wall shear and distal pressure are evaluated: the wall around each stenosis, and a plane behind it."""
+"""Where wall shear and pressure are evaluated: the wall around each stenosis, a plane before and one behind it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +13,8 @@ from coronaryuq.flow3d.mesh.geometry.implicit import Path
 
 ROUNDING = 1e-9
 """cm: arc lengths that differ by less are the same."""
+AHEAD, BEHIND = 1.0, 2.5
+"""Radii ahead of and behind a bifurcation within which a cross-section would cut it."""
 
 
 @dataclass(frozen=True)
@@ -46,25 +48,29 @@ class Course:
         return float(np.interp(arc, self.along.arc[own], self.offset[own]))
 
     def at_bifurcation(self, offset: float) -> bool:
-        """Return whether a cross-section there, from 1 radius before to 2.5 behind, meets a bifurcation."""
+        """Return whether a cross-section there, from `AHEAD` radii before to `BEHIND` behind, meets a bifurcation."""
         meets = np.flatnonzero(self.along.vessel[1:] != self.along.vessel[:-1])
         since = (offset - self.offset[meets]) / self.along.radii[meets]
-        return bool(np.any((since > -1.0) & (since < 2.5)))
+        return bool(np.any((since > -AHEAD) & (since < BEHIND)))
 
 
 def course(tree: Tree, stenosis: Stenosis, built: Built) -> Course:
     """Return the path through a stenosis without the stretches beyond its caps."""
-    place, _ = throat(tree, stenosis)
+    return _course(built, stenosis.vessel, throat(tree, stenosis)[0])
+
+
+def _course(built: Built, vessel: str, place: float) -> Course:
+    """Return the path through a vessel, with distances from a place (cm) along it in the throat's stead."""
     for piece, surface in enumerate(built.implicit):
         for number, path in enumerate(surface.paths):
-            own = np.flatnonzero(path.vessel == stenosis.vessel)
+            own = np.flatnonzero(path.vessel == vessel)
             if len(own):
                 inside = _between_caps(path, built)
                 path = Path(path.points[inside], path.radii[inside], path.vessel[inside], path.arc[inside], path.blend)
                 s = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(path.points, axis=0), axis=1))]
-                own = np.flatnonzero(path.vessel == stenosis.vessel)
+                own = np.flatnonzero(path.vessel == vessel)
                 return Course(piece, number, s - np.interp(place, path.arc[own], s[own]), path)
-    raise ValueError(f"stenosis {stenosis.name}: vessel {stenosis.vessel} is not in the mesh")
+    raise ValueError(f"vessel {vessel} is not in the mesh")
 
 
 def neighbours(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: Built) -> tuple[float, float]:
@@ -88,8 +94,12 @@ def neighbours(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], bui
 
 def _between_caps(path: Path, built: Built) -> slice:
     """Return the points except the one beyond the outlet and, if the path starts at an inlet, the one before it."""
-    head = str(path.vessel[0])
-    return slice(1 if any(cap.inlet and cap.vessel == head for cap in built.caps) else 0, len(path.points) - 1)
+    return slice(1 if _starts_at_cap(path, built) else 0, len(path.points) - 1)
+
+
+def _starts_at_cap(path: Path, built: Built) -> bool:
+    """Return whether a path starts at an inlet of the mesh rather than at a bifurcation."""
+    return any(cap.inlet and cap.vessel == str(path.vessel[0]) for cap in built.caps)
 
 
 def mark(
@@ -166,6 +176,34 @@ def plane(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: B
     last = min(last, max(after, end))
     wanted = min(end if read is not None else end + 2.0 * diameters * radius, last)
     places = np.linspace(min(end + radius, last), last, 200)
+    return _clear_plane(line, places, wanted)
+
+
+def proximal_plane(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: Built) -> Plane:
+    """Return the plane of proximal pressure, where the stenosis begins.
+
+    At least one radius behind the beginning of the mesh, behind the stenosis before it in the artery, and moved
+    upstream where it would cut a bifurcation, into the parent vessel if need be.
+    """
+    line = course(tree, stenosis, built)
+    place, _ = throat(tree, stenosis)
+    start, begin = stenosis.start - place, float(line.offset[0])
+    parent = None if _starts_at_cap(line.along, built) else tree[str(line.along.vessel[0])].parent
+    room = (1.0 if parent is None else BEHIND) * float(line.along.radii[0])
+    if parent is not None and start < begin + room:
+        above = _course(built, parent, tree[parent].length)
+        places = np.linspace(min(float(above.offset[0] + above.along.radii[0]), 0.0), 0.0, 200)
+        found = _clear_plane(above, places, 0.0)
+        return found.model_copy(update={"distance_from_throat": begin + found.distance_from_throat})
+    before, _ = neighbours(tree, stenosis, stenoses, built)
+    # A stenosis at the very beginning of the mesh has its plane inside, half-way to its throat at most.
+    first = max(min(begin + room, 0.5 * begin), min(before, start))
+    wanted = max(start, first)
+    return _clear_plane(line, np.append(np.linspace(first, wanted, 200), wanted), wanted)
+
+
+def _clear_plane(line: Course, places: np.ndarray, wanted: float) -> Plane:
+    """Return the plane nearest to the wanted place among those, cm from the throat, that cut no bifurcation."""
     clear = places[[not line.at_bifurcation(offset) for offset in places]]
     return _plane_at(line, wanted if len(clear) == 0 else float(clear[np.argmin(np.abs(clear - wanted))]))
 
