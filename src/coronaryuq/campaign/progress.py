@@ -12,8 +12,8 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
 
 SECONDS = {
-    "calibration": 8.0, "case": 1.0, "estimation": 25.0, "estimation_train": 10.0, "flow3d_batch": 60.0, "mesh": 20.0,
-    "losses_runs": 60.0, "mesh_study": 60.0, "posterior_chains": 30.0, "perfusion_chunk": 4.0, "zerod_chunk": 3.0,
+    "calibration": 8.0, "case": 1.0, "estimation": 25.0, "estimation_train": 10.0, "flow3d_batch": 110.0, "mesh": 20.0,
+    "losses_runs": 60.0, "mesh_study": 60.0, "posterior_chains": 90.0, "perfusion_chunk": 4.0, "zerod_chunk": 3.0,
     "zerod_resampled": 4.0, "pressure_map": 8.0, "figure": 5.0, "discrepancy_search": 120.0,
 }  # fmt: skip
 """Seconds of one step of a rule, until one of it has finished in this campaign; from the laptop campaign."""

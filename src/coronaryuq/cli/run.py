@@ -60,7 +60,8 @@ def demo(cores: str) -> int:
     """Run every stage once on the bundled patient, in results/smoke of the current folder."""
     print(
         "Every stage once on the bundled patient, with few samples: three minutes on two cores, four the first time.\n"
-        "Its intervals are wide; `coronaryuq run laptop` takes 15 to 25 minutes and uses more samples.",
+        "Its intervals are wide; `coronaryuq run laptop` takes 25 to 40 minutes, uses more samples, and takes the"
+        " errors of lumen, cuff and echocardiogram into account.",
         file=sys.stderr,
     )
     return run(shipped.configuration(DEMO), [], cores=cores)
