@@ -1,9 +1,10 @@
 """Does the prediction improve? Hidden effects, searched and adopted: FFR and bed flows before, after, with the truth.
 
 The truth is off from the searched loop as in the rest of the benchmark. Perfusion of every bed in hyperaemia, with its
-noise, is what each model is fitted to: its total by one factor on all beds, as in calibration, its shares by the
-posterior of the bed resistances. FFR is distal over aortic mean pressure where the distal pressure was measured, in
-hyperaemia.
+noise, and the mean aortic pressure are what each model is fitted to: the total flow by one factor on all beds and the
+pressure by one on the systemic resistances, as in calibration, the shares by the posterior of the bed resistances and
+of the vessels' own, which are uncertain by as much as the truth is off. FFR is distal over aortic mean pressure where
+the distal pressure was measured, in hyperaemia.
 """
 
 import json
@@ -18,7 +19,7 @@ import numpy as np
 from coronaryuq.adoption.choice import Placed, chosen
 from coronaryuq.adoption.network import with_effects
 from coronaryuq.bench.discrepancy.tables import wilson
-from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.network import UNCERTAIN, Network
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition
@@ -37,13 +38,16 @@ from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.beds import SCALING, resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.theta import UncertainParameter
 
 EFFECTS = ("quadratic_stenosis", "diffuse_narrowing", "side_branch_leak")
 NOISE = 0.08
 """Relative standard deviation of the perfusion of a bed, as in the plan of the measurements."""
+PRESSURE_NOISE = 0.02
+"""Relative standard deviation of the mean aortic pressure, of a catheter."""
 DRAWS = 200
 TUNING = 8
-"""Runs in which the total is met: flow is nearly inverse to resistance."""
+"""Runs in which total and pressure are met: flow is nearly inverse to resistance, pressure nearly follows it."""
 LEVEL = (0.05, 0.95)
 CERTAIN = 1e-6
 """Variance with which a known size enters, in standard deviations of its prior squared."""
@@ -95,7 +99,8 @@ def _case(experiment: Experiment, nature: Nature, name: str, seed: int, threads:
     forward = subject.problem.forward
     table, stressed = forward.condition_changes(STRESS, np.concatenate([subject.nuisance, sizes]), hypothesis)
     beds = forward.anatomy.beds
-    true_ffr, true_flow = (values[0] for values in _outputs(stressed, table, measured, list(beds)))
+    true_ffr, true_flow, true_pressure = (values[0] for values in _outputs(stressed, table, measured, list(beds)))
+    pressure = float(true_pressure * (1.0 + PRESSURE_NOISE * random.standard_normal()))
     noisy = true_flow * (1.0 + NOISE * random.standard_normal(len(true_flow)))
     targets = TargetFlows(list(beds), noisy, np.diag((NOISE * true_flow) ** 2))
     covariance = (CERTAIN * np.eye(len(sizes))).tolist()
@@ -107,17 +112,32 @@ def _case(experiment: Experiment, nature: Nature, name: str, seed: int, threads:
     }  # fmt: skip
     for when in MODELS:
         adopted = with_effects(network, network, classes[when], answer["scales"]).network
-        ffr, flow = _drawn(adopted, targets, measured, seed)
+        adopted = _with_vessel_errors(adopted, nature.vessels)
+        ffr, flow = _drawn(adopted, targets, pressure, measured, seed)
         found[when] = {
             "ffr": _scored(ffr, true_ffr, 1.0), "flow": _scored(flow, true_flow, true_flow)
         }  # fmt: skip
     return found
 
 
-def _drawn(network: Network, targets: TargetFlows, measured: Sequence[str], seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _with_vessel_errors(network: Network, spread: float) -> Network:
+    """Return the network with uncertain resistances of its vessels, the law by which the truth is off."""
+    if not spread:
+        return network
+    entries = [
+        UncertainParameter(f"resistance_{v}", "lognormal", 1.0, spread, "factor", {f"{v}.R_poiseuille": 1.0}).content()
+        for v in Anatomy(network).vessels
+        if network.vessel_values(v).get("R_poiseuille")
+    ]
+    return Network(network | {UNCERTAIN: [*network.get(UNCERTAIN, []), *entries]})
+
+
+def _drawn(
+    network: Network, targets: TargetFlows, pressure: float, measured: Sequence[str], seed: int
+) -> tuple[np.ndarray, np.ndarray]:
     """Return FFR (n, places) and bed flows (n, beds) at draws of the posterior of a network at rest."""
     nominal = apply_condition(network, Condition(STRESS, coronary_resistance_scale=HYPERAEMIA))
-    stressed = _with_total(nominal, targets)
+    stressed = _tuned(nominal, targets, pressure)
     vessels = {bed: Anatomy(stressed).beds[bed] for bed in targets.names}
     model = BedFlows("network", vessels, tolerance=1e-4, steps_per_cycle=None, network=stressed)
     with tempfile.TemporaryDirectory() as folder:
@@ -131,33 +151,53 @@ def _drawn(network: Network, targets: TargetFlows, measured: Sequence[str], seed
     # The total was fitted to a measurement, and is as uncertain as that.
     spread = float(np.sqrt(targets.covariance.sum()) / targets.mean.sum())
     theta[SCALING] = np.exp(spread * generator(seed, "bench", "loop", "total").standard_normal(len(some)))
-    return _outputs(stressed, model.theta.changes(theta), measured, targets.names)
+    return _outputs(stressed, model.theta.changes(theta), measured, targets.names)[:2]
 
 
-def _with_total(network: Network, targets: TargetFlows) -> Network:
-    """Return the network with one factor on all coronary beds by which their flows have the total of the targets."""
-    engine, vessels, factor = Engine(network), Anatomy(network).vessel_of, 1.0
-    names = [f"mean_flow:{vessels[bed]}:{bed}" for bed in targets.names]
+def _tuned(network: Network, targets: TargetFlows, pressure: float) -> Network:
+    """Return the network with the targets' total flow and a mean aortic pressure (dyn/cm2).
+
+    One factor on all coronary beds, one on all other resistances behind outlets.
+    """
+    engine, anatomy, beds, others = Engine(network), Anatomy(network), 1.0, 1.0
+    flows = [f"mean_flow:{anatomy.vessel_of[bed]}:{bed}" for bed in targets.names]
+    systemic = {
+        f"{block}.{name}": network.bed_values(block)[name]
+        for block in anatomy.blocks
+        if block not in anatomy.beds
+        for name in ("Rp", "Rd", "R")
+        if name in network.bed_values(block)
+    }
+
+    def changes() -> dict[str, Any]:
+        return {**resistance_changes(network, scaling=beds), **{key: others * old for key, old in systemic.items()}}
+
     for _ in range(TUNING):
-        result = engine.run_to_periodic(resistance_changes(network, scaling=factor), names)
-        factor *= float(sum(result.values[one][0] for one in names) / targets.mean.sum())
-    changes = {name: float(value) for name, value in resistance_changes(network, scaling=factor).items()}
-    return with_changes(network, changes)
+        result = engine.run_to_periodic(changes(), [_aorta(anatomy), *flows])
+        found = float(result.values[_aorta(anatomy)][0])
+        # Flow follows the pressure that is asked for, not the one that is there yet.
+        beds *= float(sum(result.values[one][0] for one in flows) / targets.mean.sum()) * pressure / found
+        others *= pressure / found
+    return with_changes(network, {name: float(value) for name, value in changes().items()})
+
+
+def _aorta(anatomy: Anatomy) -> str:
+    return f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}"
 
 
 def _outputs(
     network: Network, changes: Mapping[str, Any], measured: Sequence[str], beds: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return distal over aortic mean pressure (n, places) and mean flows into beds (n, beds)."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return distal over aortic mean pressure (n, places), mean flows into beds (n, beds) and aortic pressure (n,)."""
     anatomy = Anatomy(network)
-    aorta = f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}"
+    aorta = _aorta(anatomy)
     distal = [f"mean_pressure:{anatomy.outlet(vessel)}" for vessel in measured]
     flows = [f"mean_flow:{anatomy.vessel_of[bed]}:{bed}" for bed in beds]
     result = Engine(network).run_to_periodic(dict(changes), [aorta, *distal, *flows])
     if not result.ok.all():
         raise FloatingPointError(f"{int((~result.ok).sum())} runs of the prediction failed")
-    pressure = np.stack([result.values[one] for one in distal], axis=1) / result.values[aorta][:, None]
-    return pressure, np.stack([result.values[one] for one in flows], axis=1)
+    ratio = np.stack([result.values[one] for one in distal], axis=1) / result.values[aorta][:, None]
+    return ratio, np.stack([result.values[one] for one in flows], axis=1), result.values[aorta]
 
 
 def _measured(experiment: Experiment) -> list[str]:
