@@ -23,6 +23,7 @@ from coronaryuq.report.alt_texts import alternatives
 from coronaryuq.report.costs import costs
 from coronaryuq.report.embedding import FIRST, data_url, figures_of_sections, unbroken
 from coronaryuq.report.error_budget import includes
+from coronaryuq.report.input_names import input_names
 from coronaryuq.report.lesions import Lesion, lesion_card
 from coronaryuq.report.mesh_error import MeshError
 from coronaryuq.report.numbers import number
@@ -71,7 +72,7 @@ def write_report(
     asked = predicted.read_predicted(files["predicted"])
     lowest = predicted.lowest(asked, readings)
     counts = _counts(failures, rows, estimates.settings["curve_nodes"], summary.model_runs)
-    inputs = _input_names(case) | adoption.labels(files)
+    inputs = input_names(case) | adoption.labels(files)
     lesions = [Lesion(one, inputs, mesh, _beyond(one, mesh_json), _past(one, mesh_json)) for one in case.stenoses]
     texts = alternatives(rows, lowest, summary, _names(case, rows))
     drawn = figures_of_sections(figures, texts, others={"fit": len(searches[1])})
@@ -127,12 +128,6 @@ def write_report(
         ],
     }
     write_text(out, unbroken(discrepancy.environment().get_template("template.html").render(context)))
-
-
-def _input_names(case: CaseSummary) -> dict[str, str]:
-    """Return the name of each input of the posterior in words."""
-    names = {outlet.bc: f"the resistance of the {outlet.label} bed" for outlet in case.outlets}
-    return names | {"R_cor_scaling": "the total coronary resistance"}
 
 
 def _names(case: CaseSummary, rows: list[RowReport]) -> dict[str, str]:
