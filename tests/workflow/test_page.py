@@ -1,6 +1,7 @@
 """The report as its readers see it, in headless Chromium: at three widths, in the dark, in print, without scripts."""
 
 import base64
+import html
 import io
 import json
 import re
@@ -83,18 +84,33 @@ def test_the_numbers_of_the_page_are_those_of_the_tables(page, results):
             assert float(text) == pytest.approx(value * scale, abs=0.5001 * 10**-decimals), (row, estimator, key)
 
 
+def plain(markup):
+    """Return a text without its tags, with ordinary spaces."""
+    return " ".join(html.unescape(re.sub(r"<[^>]*>", "", markup)).split())
+
+
 def test_the_first_screen_has_the_patients_quantiles_and_probabilities(page, results):
-    text = re.sub(r"<[^>]*>", "", page.read_text()).replace("\u00a0", " ")
+    text = page.read_text()
+    cards = dict(re.findall(r'<article class="card" aria-label="(\w+) stenosis">(.*?)</article>', text, re.S))
+    conclusions = [plain(line) for line in re.findall(r"<li class=.*?</li>", text[: text.index("<article")], re.S)]
     rows = {row["row"]: row for row in read_json(results / "estimation" / "estimates.json")["rows"]}
-    for artery in ("LAD", "LCx", "RCA"):
+    assert set(cards) == {"LAD", "LCx", "RCA"}
+    for artery, markup in cards.items():
         of_artery = [rows[f"ffr_{pair}_{artery.lower()}"] for pair in ("ffr", "flow")]
         row = min(of_artery, key=lambda one: one["estimators"][one["recommended"]]["std"])
-        low, median, high = (row["beyond_the_mean"]["quantiles"][q]["value"] for q in ("0.05", "0.50", "0.95"))
-        sentence = f"FFR is {median:.2f} (median), and {low:.2f} to {high:.2f} in 90 % of the states"
-        assert f"{artery} stenosis" in text and sentence in text
-        below = 100 * (1 - row["beyond_the_mean"]["zones"][-1]["value"])
-        bound, told = re.search(rf"{re.escape(sentence)}.*?or less is (below |above |)([\d.]+) %", text).groups()
-        assert float(told) == pytest.approx(below, abs=1 if bound else 0.51)
+        low, median, high = (f"{row['beyond_the_mean']['quantiles'][q]['value']:.2f}" for q in ("0.05", "0.50", "0.95"))
+        card = plain(markup)
+        assert f"Median FFR {median} {low} to {high} in 90 % of the states" in card
+        (line,) = [line for line in conclusions if f"{artery} stenosis" in line]
+        assert f"FFR is {median} (median), and {low} to {high} in 90 % of the states" in line
+        zones = row["beyond_the_mean"]["zones"]
+        in_card = re.findall(r"<dd><b>(<|>|)\s*([\d.]+)\s%</b>", html.unescape(markup))
+        in_line = re.search(r"or less is (below |above |)([\d.]+) %", line).groups()
+        assert len(in_card) == len(zones)
+        for (bound, shown), share in zip(
+            [*in_card, in_line], [*(zone["value"] for zone in zones), 1 - zones[-1]["value"]], strict=True
+        ):
+            assert float(shown) == pytest.approx(100 * share, abs=1 if bound else 0.51), artery
 
 
 def test_the_readings_along_the_tree_are_those_of_the_table(page, results):
