@@ -20,6 +20,13 @@ class Settings(BaseModel):
         description="K_t of the stenosis law ΔP = K_t ρ/(2 A_0²) (A_0/A_s − 1)² Q²: 1.52 as published; 1.0 agrees "
         "better with 3D flow in smooth, cosine-shaped narrowings.",
     )
+    kinetic_factor: float = Field(
+        2.0,
+        ge=0,
+        le=3,
+        description="α of the pressure α ρ v̄²/2 that speeds the blood up where an artery leaves the aorta: 2 for a "
+        "developed velocity profile, 1 for a flat one, 0 to leave it out.",
+    )
     walls: Literal["rigid", "elastic"] = Field(
         "rigid",
         description="Vessel walls: rigid (no capacitance, as in the paper) or elastic (C from E h/r).",

@@ -98,12 +98,8 @@ class LossLoop:
         """Return a row per loss: where it is, its size with a standard deviation, and what it stands for."""
         sd, rows = np.sqrt(np.diag(fit.covariance)), []
         for number, piece in enumerate(self.pieces):
-            inside = sum(
-                (1.0 - share) * self.own[name][RESISTANCE]
-                for name, share in zip(piece.vessels, piece.outside, strict=True)
-            )
-            own = {RESISTANCE: inside, QUADRATIC: sum(self.own[name][QUADRATIC] for name in piece.vessels)}
-            scales = {RESISTANCE: inside, QUADRATIC: self.quadratic[number]}
+            own = {RESISTANCE: self._inside(piece, RESISTANCE), QUADRATIC: self._inside(piece, QUADRATIC)}
+            scales = {RESISTANCE: own[RESISTANCE], QUADRATIC: self.quadratic[number]}
             for place, key in ((number, RESISTANCE), (number + len(self.pieces), QUADRATIC)):
                 added, error = scales[key] * fit.mean[place], scales[key] * sd[place]
                 per_size = self.mean_flow[number] ** (1 if key == RESISTANCE else 2) / MMHG
@@ -122,6 +118,11 @@ class LossLoop:
                     }
                 )
         return pd.DataFrame(rows)
+
+    def _inside(self, piece: Edge, element: str) -> float:
+        """Return the sum of an element over what lies of a piece's vessels inside the 3D domain."""
+        outside = piece.outside if element == RESISTANCE else piece.outside_quadratic
+        return sum((1.0 - share) * self.own[name][element] for name, share in zip(piece.vessels, outside, strict=True))
 
     def _changes(self, losses: np.ndarray) -> dict[str, np.ndarray]:
         """Return "VESSEL.element" → values (k,) of the losses (k, p)."""

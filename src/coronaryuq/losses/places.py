@@ -14,11 +14,10 @@ RESISTANCE, QUADRATIC = "R_poiseuille", "stenosis_coefficient"
 
 @dataclass(frozen=True)
 class Place:
-    """A mean pressure that both models have: at a cap of the mesh or distal to a stenosis.
+    """A mean pressure that both models have: at a cap where blood leaves the mesh, or distal to a stenosis.
 
     name: of the cap or the stenosis. output: its name in the records of 3D runs. location: the 0D connection `A:B`
-    next to it. resistance: of the part of a 0D vessel between that connection and the cap, dyn s/cm5, positive if the
-    cap lies upstream of the connection.
+    next to it, or behind it. resistance: of the part of a 0D vessel between the cap and that connection, dyn s/cm5.
     """
 
     name: str
@@ -31,31 +30,34 @@ class Place:
 class Edge:
     """0D vessels in series between two places, or branchings, of the 3D domain.
 
-    vessels: from the first to the last. outside: fraction of each vessel's resistance that lies outside the domain.
+    vessels: from the first to the last. outside: fraction of each vessel's resistance that lies outside the domain;
+    outside_quadratic: of its stenosis coefficient.
     carrier: the one with the largest resistance inside, where a quadratic loss of the edge is put.
     """
 
     vessels: tuple[str, ...]
     outside: tuple[float, ...]
+    outside_quadratic: tuple[float, ...]
     carrier: str
 
 
 def places(network: Network, mesh: MeshDescription, stenoses: Iterable[CaseStenosis]) -> list[Place]:
-    """Return the places where the mean pressures of both models are compared, caps first."""
+    """Return the places where the mean pressures of both models are compared, caps first.
+
+    A cap where blood enters is none of them: its pressure comes from 0D.
+    """
     topology, names = Topology(network), cut_network(network, mesh).connection
     found = []
     for cap, couples in mesh.caps.items():
+        if couples.enters:
+            continue
         output = f"mean_pressure:{names[cap]}"
         if not couples.cuts_vessel:
             found.append(Place(cap, output, f"{couples.upstream}:{couples.downstream}", 0.0))
             continue
-        vessel, sides = couples.upstream, mesh.cut[couples.upstream]
-        share = _resistance(sides.upstream if couples.enters else sides.downstream)
-        resistance = share * network.vessel_values(vessel)[RESISTANCE]
-        if couples.enters:
-            found.append(Place(cap, output, topology.inlet(vessel), -resistance))
-        else:
-            found.append(Place(cap, output, topology.outlet(vessel), resistance))
+        vessel = couples.upstream
+        resistance = _share(mesh.cut[vessel].downstream, RESISTANCE) * network.vessel_values(vessel)[RESISTANCE]
+        found.append(Place(cap, output, topology.outlet(vessel), resistance))
     found += [Place(s.name, f"distal_pressure_{s.name.lower()}", s.ffr, 0.0) for s in stenoses]
     return found
 
@@ -87,15 +89,22 @@ def edges(network: Network, mesh: MeshDescription, compared: Iterable[Place]) ->
 
 
 def _edge(network: Network, mesh: MeshDescription, chain: list[str]) -> Edge:
-    outside = []
-    for name in chain:
-        cut = mesh.cut.get(name)
-        outside.append(0.0 if cut is None else _resistance(cut.upstream) + _resistance(cut.downstream))
+    outside = {key: tuple(_outside(mesh, name, key) for name in chain) for key in (RESISTANCE, QUADRATIC)}
     within = [
-        (1.0 - share) * network.vessel_values(name)[RESISTANCE] for name, share in zip(chain, outside, strict=True)
+        (1.0 - share) * network.vessel_values(name)[RESISTANCE]
+        for name, share in zip(chain, outside[RESISTANCE], strict=True)
     ]
-    return Edge(tuple(chain), tuple(outside), chain[within.index(max(within))])
+    return Edge(tuple(chain), outside[RESISTANCE], outside[QUADRATIC], chain[within.index(max(within))])
 
 
-def _resistance(part: dict[str, float] | None) -> float:
-    return 0.0 if part is None else part[RESISTANCE]
+def _outside(mesh: MeshDescription, vessel: str, element: str) -> float:
+    """Return the fraction of an element's value that lies outside the domain.
+
+    That of an entrance follows from the speed at the cap, not from that along the vessel, and may exceed one.
+    """
+    cut = mesh.cut.get(vessel)
+    return 0.0 if cut is None else min(1.0, _share(cut.upstream, element) + _share(cut.downstream, element))
+
+
+def _share(part: dict[str, float] | None, element: str) -> float:
+    return 0.0 if part is None else part[element]

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.lumen.law import LumenLaw, VesselLaw
 from coronaryuq.case.network.build import Segment, shape_integrals
+from coronaryuq.case.network.entrances import entrance_share
 from coronaryuq.case.network.network import LUMEN, UNCERTAIN, Network
 from coronaryuq.core.io.typed import checked
 
@@ -24,16 +25,18 @@ from coronaryuq.core.io.typed import checked
 class Profile:
     """Radius along one 0D vessel: tree vessel, segmented `radii` (n,) cm at the knots of its law, and what it is.
 
-    stenosis: whether the 0D vessel carries a stenosis coefficient.
+    stenosis: whether the 0D vessel has the loss of a stenosis. entrance: fraction of its stenosis coefficient that
+    stands for its entrance from the aorta, on the segmented lumen.
     """
 
     vessel: str
     radii: np.ndarray
     law: VesselLaw
     stenosis: bool = False
+    entrance: float = 0.0
 
     def between(self, start: float, end: float) -> "Profile":
-        """Return the part between two arc lengths (cm) of the tree vessel, without a stenosis."""
+        """Return the part between two arc lengths (cm) of the tree vessel, without a stenosis or an entrance."""
         arc = self.law.arc
         arc = np.concatenate([[start], arc[(arc > start + 1e-9) & (arc < end - 1e-9)], [end]])
         columns = {name: np.interp(arc, self.law.arc, column) for name, column in self.law.columns.items()}
@@ -44,8 +47,8 @@ class Profile:
         """Return element parameter → its value over that at the centre, for coordinates: both (samples,).
 
         R and L by their integrals along the vessel, C by the squared mean radius, the stenosis coefficient by the areas
-        at the throat and without the stenosis; a stenosis that takes no area has no coefficient to change. Absent
-        coordinates are at their centre.
+        at the throat and without the stenosis, its part for the entrance by the median radius along the vessel; a
+        stenosis that takes no area has no coefficient to change. Absent coordinates are at their centre.
         """
         drawn = np.ascontiguousarray(self.radii * np.exp(self.law.log_ratio(self.law.arc, z)))
         return self._over(drawn, self.radii * np.exp(self.law.mean))
@@ -62,10 +65,20 @@ class Profile:
             ("R_poiseuille", "L", "C"), shape_integrals(drawn, arc), shape_integrals(other, arc), strict=True
         ):
             factors[name] = (new / old) ** (2 if name == "C" else 1)
-        if self.stenosis:
-            loss = float(_loss(other[None], arc)[0])
-            factors["stenosis_coefficient"] = _loss(drawn, arc) / loss if loss > 0.0 else np.ones(len(drawn))
+        if self.stenosis or self.entrance:
+            here = float(self._quadratic(other[None])[0])
+            factors["stenosis_coefficient"] = self._quadratic(drawn) / here if here > 0.0 else np.ones(len(drawn))
         return factors
+
+    def _quadratic(self, radii: np.ndarray) -> np.ndarray:
+        """Return what the stenosis coefficient is proportional to, (samples,) for radii (samples, n)."""
+        total = np.zeros(len(radii))
+        if self.stenosis:
+            segmented = float(_loss(self.radii[None], self.law.arc)[0])
+            total += (1.0 - self.entrance) * (_loss(radii, self.law.arc) / segmented if segmented > 0.0 else 1.0)
+        if self.entrance:
+            total += self.entrance * (np.median(self.radii) / np.median(radii, axis=1)) ** 4
+        return total
 
 
 def _loss(radii: np.ndarray, arc: np.ndarray) -> np.ndarray:
@@ -132,6 +145,7 @@ class _Profile(BaseModel):
 
     vessel: str
     stenosis: bool = False
+    entrance: float = 0.0
     arc: list[float]
     radii: list[float]
     mean: list[float]
@@ -178,7 +192,8 @@ def with_lumen(network: Network, tree: Tree, segments: Sequence[Segment], law: L
             segment.vessel, fine.radii, VesselLaw(fine.arc, np.interp(fine.arc, own.arc, own.mean), columns)
         )
         part = whole.between(segment.start, segment.end)
-        profiles[segment.name] = Profile(part.vessel, part.radii, part.law, segment.stenosis is not None)
+        entrance = entrance_share(network, segment.name)
+        profiles[segment.name] = Profile(part.vessel, part.radii, part.law, segment.stenosis is not None, entrance)
     changed = network.deep_copy()
     for block, profile in profiles.items():
         values = changed.vessel_values(block)
@@ -198,6 +213,7 @@ def content(lumen: Lumen) -> dict[str, Any]:
         block: _Profile(
             vessel=p.vessel,
             stenosis=p.stenosis,
+            entrance=p.entrance,
             arc=p.law.arc.tolist(),
             radii=p.radii.tolist(),
             mean=p.law.mean.tolist(),
@@ -217,6 +233,6 @@ def lumen_of(network: Network, file: str | Path = "network") -> Lumen | None:
     for block, p in stored.profiles.items():
         columns = {name: np.array(column) for name, column in p.columns.items()}
         profiles[block] = Profile(
-            p.vessel, np.array(p.radii), VesselLaw(np.array(p.arc), np.array(p.mean), columns), p.stenosis
+            p.vessel, np.array(p.radii), VesselLaw(np.array(p.arc), np.array(p.mean), columns), p.stenosis, p.entrance
         )
     return Lumen(stored.names, profiles, stored.captured)

@@ -14,6 +14,8 @@ VISCOSITY = "viscosity"
 """Name of the uncertain parameter that multiplies the viscosity in 3D, too."""
 LUMEN = "lumen"
 """Another: see `case.lumen.profiles`."""
+ENTRANCE = "entrance"
+"""Entry of a vessel that svZeroDSolver ignores: see `case.network.entrances`."""
 
 Entry = dict[str, Any]
 

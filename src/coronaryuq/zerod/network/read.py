@@ -8,7 +8,16 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from coronaryuq.case.network.network import AFTER_HEART, BEFORE_HEART, HEART, HEART_TYPE, LUMEN, UNCERTAIN, Network
+from coronaryuq.case.network.network import (
+    AFTER_HEART,
+    BEFORE_HEART,
+    ENTRANCE,
+    HEART,
+    HEART_TYPE,
+    LUMEN,
+    UNCERTAIN,
+    Network,
+)
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.zerod.network.blocks import check_keys, check_shapes, check_values, finite, named, register
@@ -66,8 +75,8 @@ _SIMULATION = {
 _VESSEL = {"vessel_name", "vessel_id", "vessel_length", "boundary_conditions", "zero_d_element_type"}
 _VESSEL |= {"zero_d_element_values"}
 # Ours, for pullbacks, ignored by svZeroDSolver: where in the vessel behind it the loss of this one lies (cm), and radii
-# (cm) at even distances.
-_VESSEL |= {"placed_in", "radii"}
+# (cm) at even distances, and the fraction of the stenosis coefficient that stands for the entrance from the aorta.
+_VESSEL |= {"placed_in", "radii", ENTRANCE}
 _BOUNDARY = {"bc_name", "bc_type", "bc_values"}
 _JUNCTION = {"junction_name", "junction_type", "junction_values", "areas"}
 _JUNCTION |= {"inlet_vessels", "outlet_vessels", "inlet_blocks", "outlet_blocks"}
@@ -211,6 +220,9 @@ def _check_course(vessel: dict, file, where: str) -> None:
     radii = vessel.get("radii", [1.0, 1.0])
     if not isinstance(radii, list) or len(radii) < 2 or not all(finite(radius) and radius > 0.0 for radius in radii):
         raise InputError(file, f"{where}.radii", None, "expected at least two positive radii (cm) at even distances")
+    share = vessel.get(ENTRANCE, 0.0)
+    if not finite(share) or not 0.0 <= share <= 1.0:
+        raise InputError(file, f"{where}.{ENTRANCE}", share, "expected a fraction of the stenosis coefficient, 0 to 1")
     extent = vessel.get("placed_in", {"start": 0.0, "end": 0.0})
     ends: list = [extent.get("start"), extent.get("end")] if isinstance(extent, dict) else [None]
     if not all(finite(end) for end in ends) or not 0.0 <= ends[0] <= ends[1]:

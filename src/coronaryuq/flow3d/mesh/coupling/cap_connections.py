@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.network.build import Physics, Segment, elements
+from coronaryuq.case.network.entrances import entrance_radius, entrance_share
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.errors import InputError
@@ -50,7 +51,7 @@ def connect_caps(
     couples: dict[str, Couples] = {}
     cut: dict[str, dict[str, dict[str, float]]] = {}
     for cap in caps:
-        segment, outside = _cut_segment(tree, segments, cap)
+        segment, outside = _cut_segment(tree, segments, network, cap)
         name = segment.name
         if outside is not None:
             upstream = downstream = name
@@ -71,15 +72,26 @@ def _inside(kept: Kept, segment: Segment) -> bool:
     return start < 0.5 * (segment.start + segment.end) < end
 
 
-def _cut_segment(tree: Tree, segments: Sequence[Segment], cap: Cap) -> tuple[Segment, dict[str, float] | None]:
-    """Return the 0D vessel that a cap touches and the share of its elements outside 3D; None for a cap at its end."""
+def _cut_segment(
+    tree: Tree, segments: Sequence[Segment], network: Network, cap: Cap
+) -> tuple[Segment, dict[str, float] | None]:
+    """Return the 0D vessel that a cap touches and the share of its elements outside 3D; None for a cap at its end.
+
+    Blood that enters 3D in an artery's first vessel has been sped up in 0D, to the mean speed at the cap, so that the
+    vessel's entrance stays outside even where all its length lies inside.
+    """
     along = [segment for segment in segments if segment.vessel == cap.vessel]
     if cap.inlet:
         segment = next((s for s in along if cap.arc < s.end - TOLERANCE), along[-1])
         at_ostium = segment is along[0] and tree.ostial(tree[cap.vessel]) and cap.arc - segment.start < 1.5 * cap.radius
-        if at_ostium or cap.arc <= segment.start + TOLERANCE:
+        begin = segment.start if at_ostium or cap.arc <= segment.start + TOLERANCE else cap.arc
+        entrance = entrance_share(network, segment.name)
+        if begin == segment.start and not entrance:
             return segment, None
-        return segment, _share(tree, segment, segment.start, cap.arc)
+        outside = _share(tree, segment, segment.start, begin)
+        if entrance:
+            outside["stenosis_coefficient"] = entrance * (entrance_radius(tree, cap.vessel) / cap.radius) ** 4
+        return segment, outside
     segment = next((s for s in reversed(along) if cap.arc > s.start + TOLERANCE), along[0])
     if cap.arc >= segment.end - TOLERANCE:
         return segment, None
@@ -87,6 +99,8 @@ def _cut_segment(tree: Tree, segments: Sequence[Segment], cap: Cap) -> tuple[Seg
 
 
 def _share(tree: Tree, segment: Segment, start: float, end: float) -> dict[str, float]:
+    if start == end:
+        return dict.fromkeys(("R_poiseuille", "L", "C", "stenosis_coefficient"), 0.0)
     physics = Physics(elastic=True)
     whole = elements(tree[segment.vessel].between(segment.start, segment.end), physics)
     outside = elements(tree[segment.vessel].between(start, end), physics)

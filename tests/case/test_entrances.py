@@ -1,0 +1,150 @@
+"""The pressure that the blood takes to enter an artery: Bernoulli's equation, in 0D and at the inlets of a mesh."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
+from coronaryuq.case.description.lumen import LumenError
+from coronaryuq.case.lumen.law import lumen_law
+from coronaryuq.case.lumen.profiles import lumen_of, with_lumen
+from coronaryuq.case.network.along_tree import vessels_along
+from coronaryuq.case.network.build import Bed, network_from_tree
+from coronaryuq.case.network.entrances import entrance_radius, entrances, with_entrances
+from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import BLOOD_DENSITY
+from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps
+from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_network
+from coronaryuq.flow3d.mesh.description import Face, MeshDescription
+from coronaryuq.flow3d.mesh.generation.build import kept_vessels
+from coronaryuq.flow3d.mesh.geometry import extent, paths
+from coronaryuq.flow3d.mesh.settings import Settings
+from coronaryuq.zerod.network.read import check_network
+from coronaryuq.zerod.solver.engine import Engine
+
+MIDDLE = Stenosis("LAD", "lca1", 2.5, 3.5)
+OSTIAL = Stenosis("LAD", "lca1", 1.25, 2.0)
+"""The aorta has a radius of 1.2 cm, so that the artery begins at 1.2 cm along its centreline."""
+
+
+def artery(stenosis: Stenosis, scale: float = 1.0) -> Tree:
+    """An aorta and one artery, wide at its ostium and narrow at the stenosis."""
+    arc = np.linspace(0.0, 5.0, 201)
+    radii = 0.16 + 0.06 * np.exp(-(((arc - 1.2) / 0.15) ** 2))
+    radii = scale * np.where((arc > stenosis.start) & (arc < stenosis.end), 0.09, radii)
+    line = np.linspace(0.0, 2.0, 41)[:, None]
+    return Tree(
+        [
+            Vessel("aorta", line * [0, 0, 1.0], np.full(41, 1.2), None, "aorta"),
+            Vessel("lca1", [0, 0, 2.0] + arc[:, None] * [1.0, 0, 0], radii, "aorta", "LAD"),
+            Vessel("aorta_outlet", [0, 0, 2.0] + line * [0, 0, 1.0], np.full(41, 1.2), "aorta", "aorta"),
+        ]
+    )
+
+
+def built(tree: Tree, stenosis: Stenosis):
+    return network_from_tree(tree, [Bed("BC_lca1", "lca1", False)], {"BC_RCR1": "aorta_outlet"}, [stenosis])
+
+
+def entered(tree: Tree, stenosis: Stenosis, factor: float = 2.0):
+    network = built(tree, stenosis)
+    return with_entrances(network, tree, vessels_along(tree, [stenosis], network), factor, BLOOD_DENSITY)
+
+
+def quadratic(network, vessel: str) -> float:
+    return network.vessel_values(vessel)["stenosis_coefficient"]
+
+
+@pytest.mark.parametrize("stenosis", [MIDDLE, OSTIAL], ids=["middle", "ostial"])
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_the_first_vessel_of_an_artery_takes_the_kinetic_energy(stenosis, factor):
+    tree = artery(stenosis)
+    before, after = built(tree, stenosis), entered(tree, stenosis, factor)
+    bernoulli = factor * BLOOD_DENSITY / (2.0 * (np.pi * 0.16**2) ** 2)
+    (first,) = entrances(after)
+    assert quadratic(after, first) - quadratic(before, first) == pytest.approx(bernoulli, rel=1e-6)
+    assert after.vessel(first)["entrance"] == pytest.approx(bernoulli / quadratic(after, first))
+    others = [name for name in before.vessel_names.values() if name != first]
+    assert all(after.vessel_values(name) == before.vessel_values(name) for name in others)
+    check_network(after)
+
+
+def test_the_static_pressure_in_the_artery_falls_by_it():
+    tree = artery(MIDDLE)
+    place = "lca1_seg0:J1"
+    found = {}
+    for factor in (0.0, 2.0):
+        network = entered(tree, MIDDLE, factor)
+        (place,) = [n.split(":", 1)[1] for n in Engine(network).unknowns if n.startswith("pressure:lca1_seg0:")]
+        names = ["mean_pressure:aorta:J0", f"mean_pressure:{place}", f"mean_flow:{place}"]
+        values = Engine(network).run_to_periodic({}, names).values
+        friction = network.vessel_values("lca1_seg0")["R_poiseuille"] * values[names[2]][0]
+        found[factor] = values[names[0]][0] - values[names[1]][0] - friction, values[names[2]][0]
+    assert found[0.0][0] == pytest.approx(0.0, abs=0.5)
+    drop, flow = found[2.0]
+    least = BLOOD_DENSITY * (flow / (np.pi * 0.16**2)) ** 2
+    # The mean of a square exceeds the square of the mean; resting coronary flow varies by about its mean.
+    assert least < drop < 3.0 * least
+
+
+def test_an_entrance_is_added_once_and_none_with_a_factor_of_zero():
+    tree = artery(MIDDLE)
+    once = entered(tree, MIDDLE)
+    assert with_entrances(once, tree, vessels_along(tree, [MIDDLE], once), 2.0, BLOOD_DENSITY) == once
+    assert entered(tree, MIDDLE, 0.0) == built(tree, MIDDLE)
+
+
+def test_a_share_beyond_the_coefficient_is_refused():
+    network = entered(artery(MIDDLE), MIDDLE)
+    network.vessel("lca1_seg0")["entrance"] = 1.2
+    with pytest.raises(InputError, match="entrance = 1.2: expected a fraction of the stenosis coefficient"):
+        check_network(network)
+
+
+@given(z=st.floats(-3.0, 3.0))
+@settings(max_examples=20)
+def test_a_wider_lumen_has_the_entrance_of_the_network_built_from_it(z):
+    tree = artery(MIDDLE)
+    network = entered(tree, MIDDLE)
+    law = lumen_law(tree, [MIDDLE], LumenError(common_sd=0.1, local_sd=0.0))
+    held = with_lumen(network, tree, vessels_along(tree, [MIDDLE], network), law)
+    (first,) = entrances(held)
+    factors = lumen_of(held).factors({name: np.array([z]) for name in law.names})
+    drawn = entered(law.tree(tree, dict.fromkeys(law.names, z)), MIDDLE)
+    changed = quadratic(held, first) * factors[f"{first}.stenosis_coefficient"][0]
+    assert changed == pytest.approx(quadratic(drawn, first), rel=1e-3)
+
+
+def mesh_of(tree: Tree, network, domain: str) -> tuple[MeshDescription, dict[str, float]]:
+    """Return what a mesh of a domain replaces, without the mesh, and the radius of each cap."""
+    kept = kept_vessels(tree, [MIDDLE], Settings(domain=domain))
+    caps = [cap for piece in extent.pieces(tree, kept) for cap in paths.caps(tree, kept, piece)]
+    connections = connect_caps(tree, kept, vessels_along(tree, [MIDDLE], network), network, caps)
+    faces = [Face(name=cap.name, kind="cap", couples=connections.caps[cap.name]) for cap in caps]
+    described = MeshDescription(faces=faces, regions={}, planes={}, replaces=connections.replaces, cut=connections.cut)
+    return described, {cap.name: cap.radius for cap in caps}
+
+
+@pytest.mark.parametrize("domain", ["segments", "trees"])
+def test_blood_enters_a_mesh_with_the_speed_that_it_has_there(domain):
+    tree = artery(MIDDLE)
+    network = entered(tree, MIDDLE)
+    mesh, radius = mesh_of(tree, network, domain)
+    left = remaining_network(network, mesh)
+    check_network(left)
+    expected = BLOOD_DENSITY / (np.pi * radius["inlet_lca1"] ** 2) ** 2
+    assert quadratic(left, "lca1_seg0") == pytest.approx(expected, rel=1e-9)
+    flare = radius["inlet_lca1"] / entrance_radius(tree, "lca1")
+    assert flare > 1.1 if domain == "trees" else flare == pytest.approx(1.0)
+    if domain == "trees":
+        assert left.vessel_values("lca1_seg0")["R_poiseuille"] == 0.0
+
+
+def test_a_mesh_with_the_aorta_speeds_the_blood_up_itself():
+    tree = artery(MIDDLE)
+    network = entered(tree, MIDDLE)
+    mesh, _ = mesh_of(tree, network, "whole")
+    assert "lca1_seg0" in mesh.replaces
+    assert all(quadratic(remaining_network(network, mesh), v["vessel_name"]) == 0.0 for v in
+               remaining_network(network, mesh).vessels)  # fmt: skip
