@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
+from hypothesis import settings as examples
 from hypothesis import strategies as st
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
@@ -11,7 +12,9 @@ from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import lumen_of, with_lumen
 from coronaryuq.case.network.along_tree import vessels_along
 from coronaryuq.case.network.build import Bed, network_from_tree
-from coronaryuq.case.network.entrances import entrance_radius, entrances, with_entrances
+from coronaryuq.case.network.entrances import entrance_radius, with_entrances
+from coronaryuq.case.settings import Settings
+from coronaryuq.case.stage import prepare_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import BLOOD_DENSITY
 from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps
@@ -19,9 +22,10 @@ from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_netwo
 from coronaryuq.flow3d.mesh.description import Face, MeshDescription
 from coronaryuq.flow3d.mesh.generation.build import kept_vessels
 from coronaryuq.flow3d.mesh.geometry import extent, paths
-from coronaryuq.flow3d.mesh.settings import Settings
-from coronaryuq.zerod.network.read import check_network
+from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
+from coronaryuq.zerod.network.read import check_network, read_network
 from coronaryuq.zerod.solver.engine import Engine
+from support.case_files import write_case
 
 MIDDLE = Stenosis("LAD", "lca1", 2.5, 3.5)
 OSTIAL = Stenosis("LAD", "lca1", 1.25, 2.0)
@@ -50,6 +54,10 @@ def built(tree: Tree, stenosis: Stenosis):
 def entered(tree: Tree, stenosis: Stenosis, factor: float = 2.0):
     network = built(tree, stenosis)
     return with_entrances(network, tree, vessels_along(tree, [stenosis], network), factor, BLOOD_DENSITY)
+
+
+def entrances(network) -> list[str]:
+    return [vessel["vessel_name"] for vessel in network.vessels if "entrance" in vessel]
 
 
 def quadratic(network, vessel: str) -> float:
@@ -88,11 +96,17 @@ def test_the_static_pressure_in_the_artery_falls_by_it():
     assert least < drop < 3.0 * least
 
 
-def test_an_entrance_is_added_once_and_none_with_a_factor_of_zero():
-    tree = artery(MIDDLE)
-    once = entered(tree, MIDDLE)
-    assert with_entrances(once, tree, vessels_along(tree, [MIDDLE], once), 2.0, BLOOD_DENSITY) == once
-    assert entered(tree, MIDDLE, 0.0) == built(tree, MIDDLE)
+def test_a_factor_of_zero_leaves_the_network_as_it_is():
+    assert entered(artery(MIDDLE), MIDDLE, 0.0) == built(artery(MIDDLE), MIDDLE)
+
+
+def test_the_case_stage_adds_it_to_the_networks_that_it_builds(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree)
+    for factor in (0.0, 2.0):
+        prepare_case(path, Settings(kinetic_factor=factor), tmp_path / f"case_{factor}")
+    without, network = (read_network(tmp_path / f"case_{factor}/network.json") for factor in (0.0, 2.0))
+    assert entrances(without) == [] and entrances(network) == ["branch1_seg0", "rca1"]
+    assert quadratic(network, "rca1") == pytest.approx(BLOOD_DENSITY / (np.pi * 0.15**2) ** 2, rel=0.2)
 
 
 def test_a_share_beyond_the_coefficient_is_refused():
@@ -103,7 +117,7 @@ def test_a_share_beyond_the_coefficient_is_refused():
 
 
 @given(z=st.floats(-3.0, 3.0))
-@settings(max_examples=20)
+@examples(max_examples=20)
 def test_a_wider_lumen_has_the_entrance_of_the_network_built_from_it(z):
     tree = artery(MIDDLE)
     network = entered(tree, MIDDLE)
@@ -118,7 +132,7 @@ def test_a_wider_lumen_has_the_entrance_of_the_network_built_from_it(z):
 
 def mesh_of(tree: Tree, network, domain: str) -> tuple[MeshDescription, dict[str, float]]:
     """Return what a mesh of a domain replaces, without the mesh, and the radius of each cap."""
-    kept = kept_vessels(tree, [MIDDLE], Settings(domain=domain))
+    kept = kept_vessels(tree, [MIDDLE], MeshSettings(domain=domain))
     caps = [cap for piece in extent.pieces(tree, kept) for cap in paths.caps(tree, kept, piece)]
     connections = connect_caps(tree, kept, vessels_along(tree, [MIDDLE], network), network, caps)
     faces = [Face(name=cap.name, kind="cap", couples=connections.caps[cap.name]) for cap in caps]

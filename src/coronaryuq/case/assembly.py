@@ -24,8 +24,8 @@ from coronaryuq.case.lumen.implied import implied_lumen
 from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import with_lumen
 from coronaryuq.case.network.along_tree import vessels_along
-from coronaryuq.case.network.build import Bed, Physics, murray_shares, network_from_tree
-from coronaryuq.case.network.entrances import entrances, with_entrances
+from coronaryuq.case.network.build import Bed, Physics, murray_shares, network_from_tree, segments
+from coronaryuq.case.network.entrances import with_entrances
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.schematic import schematic_tree
 from coronaryuq.case.network.stenoses import case_stenoses
@@ -124,6 +124,7 @@ def assemble(
         assert tree is not None and placed is not None  # a description has an anatomy, a network, or both
         physics = _physics(description, settings, targets, period)
         network = _built_network(path, tree, placed, stenoses, physics)
+        network = with_entrances(network, tree, segments(tree, stenoses), settings.kinetic_factor, description.density)
         topology = closed_loop_tree(network, path)
     else:
         network, topology, unit = own_network
@@ -139,14 +140,6 @@ def assemble(
     outlets = _outlets(rows, placed, tree, topology)
     sketch.tree, sketch.outlets = tree, outlets
     sketch.wire_places = locate_wire_places(path, description, tree, outlets)
-    if anatomy is not None:
-        along = vessels_along(tree, stenoses, network, description.network or "network")
-        network = with_entrances(network, tree, along, settings.kinetic_factor, description.density)
-        if own_network is not None and (entered := entrances(network)):
-            notes += (
-                f"{description.network}: {' and '.join(entered)} got the pressure that speeds the blood up from the "
-                "aorta; case.kinetic_factor: 0 leaves it out",
-            )
     if uncertainty == "full":
         network = _with_uncertain_lumen(path, description, tree, stenoses, network, topology)
     if description.perfusion is not None:

@@ -23,7 +23,7 @@ def with_entrances(
     """Return the network with the pressure that the blood takes to enter each coronary artery.
 
     The first 0D vessel of each artery gets α ρ / (2 A²) in addition to its stenosis coefficient; its entry `entrance`
-    says which fraction of the sum this is. A vessel that has such an entry is left as it is.
+    says which fraction of the sum this is.
 
     Parameters
     ----------
@@ -41,16 +41,16 @@ def with_entrances(
     Returns
     -------
     Network
-        A copy.
+        A copy, or the network itself with a factor of zero.
     """
+    if kinetic_factor == 0.0:
+        return network
     network = network.deep_copy()
     for vessel in tree:
         first = next((segment for segment in along if segment.vessel == vessel.name), None)
         if first is None or not tree.ostial(vessel):
             continue
         block = network.vessel(first.name)
-        if kinetic_factor == 0.0 or ENTRANCE in block:
-            continue
         values = block["zero_d_element_values"]
         own = float(values.get(QUADRATIC) or 0.0)
         added = kinetic_factor * density / (2.0 * (np.pi * entrance_radius(tree, vessel.name) ** 2) ** 2)
@@ -68,8 +68,3 @@ def entrance_radius(tree: Tree, vessel: str) -> float:
 def entrance_share(network: Network, vessel: str) -> float:
     """Return the fraction of a vessel's stenosis coefficient that stands for its entrance; 0 without one."""
     return float(network.vessel(vessel).get(ENTRANCE, 0.0))
-
-
-def entrances(network: Network) -> list[str]:
-    """Return the vessels that blood enters from the aorta with a loss of pressure."""
-    return [vessel["vessel_name"] for vessel in network.vessels if ENTRANCE in vessel]
