@@ -80,6 +80,7 @@ def files(tmp_path):
         ("osi_scatter", {"pairs": "pairs.csv"}),
         ("scatter", {"pairs": "pairs.csv"}),
         ("intervals_wss", {"estimates": "estimates.json"}),
+        ("intervals_extremes", {"estimates": "estimates.json"}),
         ("intervals_ffr", {"estimates": "estimates.json"}),
         ("convergence", {"convergence": "convergence.json"}),
         ("budget", {"budget": "budget.json"}),

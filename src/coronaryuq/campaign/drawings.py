@@ -17,8 +17,12 @@ ALWAYS = {
     "flows": FLOWS,
     "flow_correlation": FLOWS,
 }
-INTERVALS = {"intervals_wss": {"estimates": "estimates.json"}, "intervals_ffr": {"estimates": "estimates.json"}}
-ESTIMATES = INTERVALS | {"scatter": {"pairs": "pairs.csv"}, "budget": {"budget": "budget.json"}}
+INTERVALS = {"intervals_extremes": {"estimates": "estimates.json"}, "intervals_ffr": {"estimates": "estimates.json"}}
+ESTIMATES = INTERVALS | {
+    "intervals_wss": {"estimates": "estimates.json"},
+    "scatter": {"pairs": "pairs.csv"},
+    "budget": {"budget": "budget.json"},
+}
 """Figures of a campaign by files in its folder of estimates."""
 PUBLISHED = INTERVALS | {"osi_scatter": {"pairs": "pairs.csv"}, "osi_budget": {"budget": "budget.json"}}
 """The same of the published runs, whose example is maximum OSI."""

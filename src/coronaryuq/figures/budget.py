@@ -23,7 +23,7 @@ def convergence(convergence: str, output: Output) -> None:
     columns = max(len(rows), 1)
     known = [abs(value) for entry in entries for key, _, _ in SERIES for value in getattr(entry, key) or []]
     lowest = max(0.0, np.floor(10 * min(known, default=0.0) - 0.2) / 10)
-    with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5), squeeze=False, sharex="col") as (
+    with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 3.9), squeeze=False, sharex="col") as (
         figure,
         axes,
     ):
@@ -51,7 +51,7 @@ def convergence(convergence: str, output: Output) -> None:
             axes[0][column].set_title(branch, color=colour(branch))
             axes[1][column].set_xlabel("3D runs")
         axes[0][0].set_ylabel("correlation |ρ|")
-        axes[1][0].set_ylabel(f"Monte Carlo mean of {quantity}")
+        axes[1][0].set_ylabel(f"Monte Carlo mean\nof {quantity}")
         if rows:
             figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=4, fontsize=8)
 
@@ -72,7 +72,7 @@ def _budget(budget: str, output: Output, candidates: tuple[str, ...]) -> None:
     by_quantity = [[row for row in every if row.label.startswith(f"{name}, ")] for name in candidates]
     rows = next(filter(None, by_quantity), [])
     columns = max(len(rows), 1)
-    with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 5.4), squeeze=False) as (figure, axes):
+    with saved(output, nrows=2, ncols=columns, figsize=(3.4 * columns, 3.9), squeeze=False) as (figure, axes):
         for column, row in enumerate(rows):
             for name, curve in row.estimators.items():
                 base = name.removesuffix(" in-sample")
@@ -87,6 +87,6 @@ def _budget(budget: str, output: Output, candidates: tuple[str, ...]) -> None:
             axes[1][column].set_xlabel("variance / current variance")
             axes[1][column].invert_xaxis()
         if rows:
-            axes[0][0].set_ylabel(f"optimal variance, mean of {rows[0].label.split(', ')[0]}")
-            axes[1][0].set_ylabel("additional cost (3D runs)")
+            axes[0][0].set_ylabel(f"optimal variance,\nmean of {rows[0].label.split(', ')[0]}")
+            axes[1][0].set_ylabel("additional cost\n(3D runs)")
             figure.legend(*axes[0][0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=8)

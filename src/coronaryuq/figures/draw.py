@@ -19,6 +19,7 @@ FIGURES: dict[str, str] = {
     "osi_scatter": "coronaryuq.figures.estimates:osi_scatter",
     "scatter": "coronaryuq.figures.estimates:scatter",
     "intervals_wss": "coronaryuq.figures.estimates:intervals_wss",
+    "intervals_extremes": "coronaryuq.figures.estimates:intervals_extremes",
     "intervals_ffr": "coronaryuq.figures.estimates:intervals_ffr",
     "convergence": "coronaryuq.figures.budget:convergence",
     "budget": "coronaryuq.figures.budget:budget",

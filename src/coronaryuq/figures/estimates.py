@@ -9,9 +9,10 @@ from coronaryuq.figures.style import ESTIMATORS, FFR_LIMIT, MUTED, SIMULATED, Ou
 
 UNITS = {"patch-min TAWSS": "dyn/cm²", "min TAWSS": "dyn/cm²", "low-shear area": "%"}
 SCALES = {"low-shear area": 100.0}
-SHEAR = ("patch-min TAWSS", "low-shear area", "patch-max OSI", "max OSI", "min TAWSS")
-"""Quantities of wall shear, extremes last."""
+SHEAR = ("patch-min TAWSS", "low-shear area", "patch-max OSI")
+"""Averages of wall shear over a part of the wall."""
 EXTREMES = ("max OSI", "min TAWSS")
+"""Of wall shear, at single points."""
 
 SCATTERED = (("q", MUTED, "same input"), ("q_resampled", SIMULATED, "shared space, held out"))
 
@@ -52,8 +53,13 @@ def _scatter(pairs: str, output: Output, quantity: str, axes_labels: tuple[str, 
 
 
 def intervals_wss(estimates: str, output: Output) -> None:
-    """Draw means and intervals of wall shear by all estimators; of the published runs, Fig. 4."""
+    """Draw means and intervals of averages of wall shear by all estimators."""
     _intervals(estimates, output, tuple(f"{quantity}, mean flow" for quantity in SHEAR))
+
+
+def intervals_extremes(estimates: str, output: Output) -> None:
+    """Draw the same of the extremes of wall shear; of the published runs, Fig. 4."""
+    _intervals(estimates, output, tuple(f"{quantity}, mean flow" for quantity in EXTREMES))
 
 
 def intervals_ffr(estimates: str, output: Output) -> None:
@@ -66,23 +72,32 @@ def _intervals(estimates: str, output: Output, kinds: tuple[str, ...]) -> None:
     rows = [[row for row in every if row.label.startswith(f"{kind}, ")] for kind in kinds]
     rows = [line for line in rows if line] or [[]]
     columns = max(1, *(len(line) for line in rows))
-    with saved(output, nrows=len(rows), ncols=columns, figsize=(3.3 * columns, 2.4 * len(rows)), squeeze=False) as (
+    estimators = max((len(row.estimators) for line in rows for row in line), default=1)
+    titles = [[_title(row) for row in line] for line in rows]
+    titled = [k == 0 or titles[k] != titles[k - 1] for k in range(len(rows))]
+    height = len(rows) * (0.48 + 0.16 * max(estimators, 3)) + 0.25 * sum(titled) + 0.2
+    with saved(output, nrows=len(rows), ncols=columns, figsize=(3.3 * columns, height), squeeze=False) as (
         figure,
         axes,
     ):
-        for line, axes_of_line in zip(rows, axes, strict=True):
+        for line, axes_of_line, names in zip(rows, axes, titled, strict=True):
             for row, axis in zip(line, axes_of_line, strict=False):
                 _draw_row(axis, row)
+                if names:
+                    axis.set_title(_title(row), color=colour(row.label.split(", ")[-1]), fontsize=8.5)
             for axis in axes_of_line[len(line) :]:
                 axis.remove()
         figure.supxlabel("thick: calibrated 95 %; thin: Chebyshev 95 %; !: estimate with a warning", fontsize=8)
 
 
+def _title(row: RowReport) -> str:
+    _, paired, branch = row.label.split(", ", 2)
+    return f"{branch}, with 0D {paired}"
+
+
 def _draw_row(axis, row: RowReport) -> None:
-    quantity, paired, branch = row.label.split(", ", 2)
+    quantity = row.label.split(", ")[0]
     scale = SCALES.get(quantity, 1.0)
-    extreme = "\nan extreme" if quantity in EXTREMES else ""
-    axis.set_title(f"{branch}, with 0D {paired}{extreme}", color=colour(branch), fontsize=8.5)
     unit = UNITS.get(quantity, "")
     axis.set_xlabel(f"{quantity} ({unit})" if unit else quantity, fontsize=8.5)
     if row.variance_3d == 0:
@@ -100,13 +115,13 @@ def _draw_row(axis, row: RowReport) -> None:
             axis.plot(ends, [y, y], lw=width, color=ink, alpha=0.85, solid_capstyle="butt")
         axis.plot(value.mean * scale, y, "o", color="white", mec=ink, ms=5, zorder=5)
         if row.warnings_of(name):
-            at = (value.mean * scale, y)
-            axis.annotate("!", at, xytext=(0, 5), textcoords="offset points", ha="center", color=WARNING)
+            beside = {"xycoords": ("axes fraction", "data"), "xytext": (4, 0), "textcoords": "offset points"}
+            axis.annotate("!", (1.0, y), **beside, ha="center", va="center", color=WARNING, fontweight="bold")
     if quantity == "FFR":
         limit_line(axis)
         low, high = axis.get_xlim()
         axis.set_xlim(min(low, FFR_LIMIT - 0.01), max(high, FFR_LIMIT + 0.01))
     axis.set_yticks(range(len(names))[::-1], names)
     axis.set_ylim(-0.6, len(names) - 0.4)
-    axis.tick_params(labelsize=7)
+    axis.tick_params(labelsize=7.5)
     axis.xaxis.set_major_locator(MaxNLocator(4))

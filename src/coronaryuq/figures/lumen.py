@@ -49,7 +49,7 @@ def lumen(fields: str, case: str, tree: str, mesh: str, output: Output) -> None:
     stenoses = placed_stenoses(read_case(case).stenoses)
     views = [straightened(inside, vessels, one, planes) for one in stenoses]
     panels = (("speed", "magma", "mean speed (cm/s)"), ("mmHg", "viridis", "mean pressure (mmHg)"))
-    size = (9.0, 1.25 * len(views) + 0.8)
+    size = (9.0, 1.05 * len(views) + 0.6)
     with saved(output, nrows=max(1, len(views)), ncols=2, figsize=size, squeeze=False) as (figure, axes):
         for column, (name, colours, what) in enumerate(panels):
             ends = [(np.nanmin(view.values[name]), np.nanmax(view.values[name])) for view in views]
@@ -76,10 +76,10 @@ def _mark(axis, view: Straightened, name: str) -> None:
     axis.plot(view.lesion, [-top, -top], color="black", lw=2.5, solid_capstyle="butt", clip_on=False)
     if view.read is not None:
         axis.axvline(view.read, color="black", lw=1.0, ls=(0, (3, 2)))
-        axis.annotate("FFR", (view.read, top), (0, 2), textcoords="offset points", ha="center", fontsize=7)
+        axis.annotate("FFR", (view.read, top), (0, 2), textcoords="offset points", ha="center", fontsize=8)
     axis.set_yticks([-0.2, 0.2] if top > 0.2 else [])
-    axis.set_ylabel("across (cm)", fontsize=7)
-    axis.tick_params(labelsize=7)
+    axis.set_ylabel("across (cm)", fontsize=8)
+    axis.tick_params(labelsize=8)
     for side in ("left", "bottom"):
         axis.spines[side].set_visible(False)
 

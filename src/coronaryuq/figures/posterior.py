@@ -22,9 +22,9 @@ def marginals(posterior: str, case: str, summary: str, output: Output) -> None:
     beds, r, _ = _read(posterior)
     outlets = _outlets(case, beds)
     prior = read_summary(summary).prior_ranges
-    with saved(output, figsize=(6.4, 0.26 * len(beds) + 0.9)) as (_, axis):
+    with saved(output, figsize=(6.4, 0.22 * len(beds) + 0.8)) as (_, axis):
         for y, bed, outlet, values in zip(_places(beds), beds, outlets, _draws(r).T, strict=True):
-            axis.plot(prior[bed], [y, y], lw=9, color=MUTED, alpha=0.3, solid_capstyle="butt", zorder=1)
+            axis.plot(prior[bed], [y, y], lw=8, color=MUTED, alpha=0.3, solid_capstyle="butt", zorder=1)
             _range(axis, y, values, outlet)
         axis.axvline(1.0, color="black", lw=0.8, ls=":")
         _named(axis, outlets, "resistance / r̂")
@@ -35,12 +35,12 @@ def flows(posterior: str, case: str, targets: str, summary: str, output: Output)
     beds, _, flow = _read(posterior)
     outlets, (mean, covariance) = _outlets(case, beds), _targets(targets, summary)
     reach = 1.96 * np.sqrt(np.diag(covariance))
-    with saved(output, figsize=(6.4, 0.26 * len(beds) + 0.9)) as (_, axis):
+    with saved(output, figsize=(6.4, 0.22 * len(beds) + 0.8)) as (_, axis):
         rows = zip(_places(beds), outlets, _draws(flow).T, mean, reach, strict=True)
         for y, outlet, values, m, s in rows:
             ends = np.array([m - s, m + s]) / ML_PER_MIN
-            axis.plot(ends, [y, y], lw=9, color=MUTED, alpha=0.3, solid_capstyle="butt", zorder=1)
-            axis.plot(m / ML_PER_MIN, y, "|", color="black", ms=11, mew=1.4, zorder=4)
+            axis.plot(ends, [y, y], lw=8, color=MUTED, alpha=0.3, solid_capstyle="butt", zorder=1)
+            axis.plot(m / ML_PER_MIN, y, "|", color="black", ms=10, mew=1.4, zorder=4)
             _range(axis, y, values / ML_PER_MIN, outlet)
         axis.set_xlim(left=0)
         _named(axis, outlets, "flow in hyperaemia (mL/min)")
@@ -55,23 +55,23 @@ def flow_correlation(posterior: str, case: str, targets: str, summary: str, outp
     below = np.tril(np.ones((len(beds), len(beds)), bool), -1)
     shown = np.where(below, simulated, noise)
     np.fill_diagonal(shown, np.nan)
-    side = 0.42 * len(beds) + 1.6
-    with saved(output, figsize=(side + 0.6, side)) as (figure, axis):
-        picture = axis.imshow(shown, cmap=CORRELATION, vmin=-1, vmax=1)
+    # Cells are as wide as their numbers, and no higher: the whole is printed on a third of a page.
+    with saved(output, figsize=(0.4 * len(beds) + 1.4, 0.2 * len(beds) + 0.8)) as (figure, axis):
+        picture = axis.imshow(shown, cmap=CORRELATION, vmin=-1, vmax=1, aspect="auto")
         for (row, column), value in np.ndenumerate(shown):
             if np.isfinite(value):
                 ink = "white" if abs(value) > 0.7 else "black"
-                axis.text(column, row, _signed(value), ha="center", va="center", fontsize=6.5, color=ink)
+                axis.text(column, row, _signed(value), ha="center", va="center", fontsize=7, color=ink)
         for ticks, set_ticks in ((axis.get_xticklabels, axis.set_xticks), (axis.get_yticklabels, axis.set_yticks)):
             set_ticks(range(len(outlets)), [outlet.label for outlet in outlets])
             for text, outlet in zip(ticks(), outlets, strict=True):
                 text.set_color(colour(outlet.branch))
         axis.tick_params(length=0)
-        axis.tick_params(axis="x", rotation=90)
+        axis.tick_params(labelsize=7.5)
         axis.set_xlabel("below the diagonal: simulated; above: noise of the targets")
         for spine in axis.spines.values():
             spine.set_visible(False)
-        bar = figure.colorbar(picture, ax=axis, shrink=0.7, aspect=24)
+        bar = figure.colorbar(picture, ax=axis, shrink=0.8, aspect=24, pad=0.02)
         bar.set_label("correlation")
         bar.outline.set_visible(False)
 

@@ -136,11 +136,12 @@ def walls(fields: str, case: str, tree: str, output: Output) -> None:
         for name, colours, norm, _ in panels
     ]
     widths = [picture.aspect for picture in pictures[0]]
-    size = (min(8.0, 2.9 * sum(widths) + 0.8), 5.8)
+    size = (min(9.0, 5.8 * sum(widths) + 1.6), 3.0)
     with saved(
-        output, nrows=2, ncols=len(pieces), figsize=size, squeeze=False, width_ratios=widths, layout="compressed"
+        output, ncols=2 * len(pieces), figsize=size, squeeze=False, width_ratios=2 * widths, layout="compressed"
     ) as (figure, axes):
-        for row, shown, (_, colours, norm, label) in zip(axes, pictures, panels, strict=True):
+        halves = (axes[0][: len(pieces)], axes[0][len(pieces) :])
+        for row, shown, (_, colours, norm, label) in zip(halves, pictures, panels, strict=True):
             for axis, picture, (names, _) in zip(row, shown, marked, strict=True):
                 _show(axis, picture)
                 _point_out(axis, picture, names)

@@ -24,11 +24,15 @@ def alternatives(
         What a reader calls the inputs.
     """
     ffr = [row for row in rows if row.column_3d.startswith(FFR)]
-    shear = [row for row in rows if kind_of(row.column_3d).shear]
+    shear, extremes = (
+        [row for row in rows if kind_of(row.column_3d).shear and kind_of(row.column_3d).extreme == extreme]
+        for extreme in (False, True)
+    )
     medians = [f"{names.get(name, name)} {one.median:.2f}" for name, one in summary.multipliers.items()]
     texts = {
         "intervals_ffr": f"Mean of FFR by estimator: {_quoted(ffr, rows)}.",
         "intervals_wss": f"Means of wall shear: {_quoted(shear, rows)}.",
+        "intervals_extremes": f"Means of extremes of wall shear: {_quoted(extremes, rows)}.",
         "marginals": f"Median resistance over its tuned value: {', '.join(medians)}.",
         "chains": f"Ranks of {summary.chains} chains; largest R-hat {summary.rhat_max:.3f}, of "
         f"{names.get(summary.worst_parameter, summary.worst_parameter)}.",
