@@ -6,62 +6,20 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import lumen_of, with_lumen
 from coronaryuq.case.network.along_tree import vessels_along
-from coronaryuq.case.network.build import Bed, network_from_tree
-from coronaryuq.case.network.entrances import entrance_radius, with_entrances
+from coronaryuq.case.network.entrances import entrance_radius
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.stage import prepare_case
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import BLOOD_DENSITY
-from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps
 from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_network
-from coronaryuq.flow3d.mesh.description import Face, MeshDescription
-from coronaryuq.flow3d.mesh.generation.build import kept_vessels
-from coronaryuq.flow3d.mesh.geometry import extent, paths
-from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
 from coronaryuq.zerod.network.read import check_network, read_network
 from coronaryuq.zerod.solver.engine import Engine
 from support.case_files import write_case
-
-MIDDLE = Stenosis("LAD", "lca1", 2.5, 3.5)
-OSTIAL = Stenosis("LAD", "lca1", 1.25, 2.0)
-"""The aorta has a radius of 1.2 cm, so that the artery begins at 1.2 cm along its centreline."""
-
-
-def artery(stenosis: Stenosis, scale: float = 1.0) -> Tree:
-    """An aorta and one artery, wide at its ostium and narrow at the stenosis."""
-    arc = np.linspace(0.0, 5.0, 201)
-    radii = 0.16 + 0.06 * np.exp(-(((arc - 1.2) / 0.15) ** 2))
-    radii = scale * np.where((arc > stenosis.start) & (arc < stenosis.end), 0.09, radii)
-    line = np.linspace(0.0, 2.0, 41)[:, None]
-    return Tree(
-        [
-            Vessel("aorta", line * [0, 0, 1.0], np.full(41, 1.2), None, "aorta"),
-            Vessel("lca1", [0, 0, 2.0] + arc[:, None] * [1.0, 0, 0], radii, "aorta", "LAD"),
-            Vessel("aorta_outlet", [0, 0, 2.0] + line * [0, 0, 1.0], np.full(41, 1.2), "aorta", "aorta"),
-        ]
-    )
-
-
-def built(tree: Tree, stenosis: Stenosis):
-    return network_from_tree(tree, [Bed("BC_lca1", "lca1", False)], {"BC_RCR1": "aorta_outlet"}, [stenosis])
-
-
-def entered(tree: Tree, stenosis: Stenosis, factor: float = 2.0):
-    network = built(tree, stenosis)
-    return with_entrances(network, tree, vessels_along(tree, [stenosis], network), factor, BLOOD_DENSITY)
-
-
-def entrances(network) -> list[str]:
-    return [vessel["vessel_name"] for vessel in network.vessels if "entrance" in vessel]
-
-
-def quadratic(network, vessel: str) -> float:
-    return network.vessel_values(vessel)["stenosis_coefficient"]
+from support.ostium import MIDDLE, OSTIAL, artery, built, entered, entrances, mesh_of, quadratic
 
 
 @pytest.mark.parametrize("stenosis", [MIDDLE, OSTIAL], ids=["middle", "ostial"])
@@ -128,16 +86,6 @@ def test_a_wider_lumen_has_the_entrance_of_the_network_built_from_it(z):
     drawn = entered(law.tree(tree, dict.fromkeys(law.names, z)), MIDDLE)
     changed = quadratic(held, first) * factors[f"{first}.stenosis_coefficient"][0]
     assert changed == pytest.approx(quadratic(drawn, first), rel=1e-3)
-
-
-def mesh_of(tree: Tree, network, domain: str) -> tuple[MeshDescription, dict[str, float]]:
-    """Return what a mesh of a domain replaces, without the mesh, and the radius of each cap."""
-    kept = kept_vessels(tree, [MIDDLE], MeshSettings(domain=domain))
-    caps = [cap for piece in extent.pieces(tree, kept) for cap in paths.caps(tree, kept, piece)]
-    connections = connect_caps(tree, kept, vessels_along(tree, [MIDDLE], network), network, caps)
-    faces = [Face(name=cap.name, kind="cap", couples=connections.caps[cap.name]) for cap in caps]
-    described = MeshDescription(faces=faces, regions={}, planes={}, replaces=connections.replaces, cut=connections.cut)
-    return described, {cap.name: cap.radius for cap in caps}
 
 
 @pytest.mark.parametrize("domain", ["segments", "trees"])

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.case.lumen.profiles import Lumen
+from coronaryuq.case.network.entrances import QUADRATIC
 from coronaryuq.flow3d.mesh.description import MeshDescription
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.morph.morph import Morph
@@ -64,12 +65,12 @@ def draw_shapes(
         except MeshError as error:
             reasons[k] = str(error)
     # The factors of a vessel none of whose coordinates is given are those of one sample, the centre.
-    factors = _outside_factors(morph.lumen, domain.description, given)
+    factors = outside_factors(morph.lumen, domain.description, given)
     outside = {name: np.broadcast_to(factor, (samples,)) for name, factor in factors.items()}
     return Shapes(points, viscosity, outside, reasons, quality)
 
 
-def _outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return `Shapes.outside` of the vessels that a mesh cuts; of length 1 where no coordinate of a vessel is given."""
     kept = {name: interval for piece in description.pieces for name, interval in piece.items()}
     found: dict[str, np.ndarray] = {}
@@ -82,10 +83,15 @@ def _outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str,
         whole = profile.factors(z)
         second = f"{vessel}_downstream" if cut.upstream is not None else vessel
         for name, side, part in ((vessel, cut.upstream, (start, first)), (second, cut.downstream, (last, end))):
-            if side is not None:
+            # A cap at the ostium leaves no length outside, only the entrance.
+            lengths = [key for key, share in (side or {}).items() if share and key in whole and key != QUADRATIC]
+            if lengths:
                 own = profile.between(*part)
-                # The mesh's shares are those of the segmented lumen; the network's values are those at the centre.
-                centre = {key: own.centre()[key] / profile.centre()[key] for key in side if key in whole}
                 factors = own.factors(z)
-                found |= {f"{name}.{key}": factors[key] / whole[key] * centre[key] for key in centre}
+                # The mesh's shares are those of the segmented lumen; the network's values are those at the centre.
+                centre = {key: own.centre()[key] / profile.centre()[key] for key in lengths}
+                found |= {f"{name}.{key}": factors[key] / whole[key] * centre[key] for key in lengths}
+        if profile.entrance and cut.upstream is not None:
+            speed = lumen.ratio(profile.vessel, first, z)[:, 0] ** -4.0
+            found[f"{vessel}.{QUADRATIC}"] = speed / (whole[QUADRATIC] * profile.centre()[QUADRATIC])
     return found
