@@ -92,7 +92,7 @@ def test_a_map_that_is_mostly_invalid_is_refused(wall, tmp_path):
     values[: mesh.n_cells // 3] = np.nan
     mesh.cell_data["MBF"] = values
     mesh.save(tmp_path / "map.vtu")
-    with pytest.raises(InputError, match="more than 20% are invalid"):
+    with pytest.raises(InputError, match="more than 20 % are invalid"):
         read(tmp_path)
 
 
@@ -337,7 +337,7 @@ def test_a_threshold_leaves_no_holes_in_a_vtk_map(wall, tmp_path):
 def test_a_label_mostly_off_the_map_is_refused(images, tmp_path):
     sitk.WriteImage(images[0], str(tmp_path / "map.nii"))
     sitk.WriteImage(sitk.BinaryDilate(images[1], [2, 2, 2]), str(tmp_path / "label.nii"))
-    with pytest.raises(InputError, match="more than 20% are invalid"):
+    with pytest.raises(InputError, match="more than 20 % are invalid"):
         read(tmp_path, file="map.nii", length_unit="mm", label={"file": "label.nii", "values": [1]})
 
 

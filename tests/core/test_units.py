@@ -1,5 +1,8 @@
 """Units are understood in any usual spelling."""
 
+import re
+from pathlib import Path
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -74,3 +77,12 @@ def test_a_known_unit_keeps_its_meaning_in_other_capitals(table, data):
     unit = data.draw(st.sampled_from(sorted(table)))
     written = "".join(data.draw(st.sampled_from((letter.lower(), letter.upper()))) for letter in unit)
     assert table[units.standard_unit(written, table)] == table[unit]
+
+
+def test_every_share_is_written_with_a_space_before_the_per_cent_sign():
+    assert units.percent(0.1875) == "19 %" and units.percent(0.027, 1) == "2.7 %"
+    package = Path(units.__file__).parents[1]
+    specifications = re.compile(r"\{[^{}\n]*:[^{}\n]*%\}|\d%[ .,;)]")
+    assert [
+        f"{path.name}: {found}" for path in package.rglob("*.py") for found in specifications.findall(path.read_text())
+    ] == []

@@ -66,7 +66,7 @@ def test_the_table_marks_the_recommended_estimator_of_each_quantity(estimated):
     assert tuple(marked.loc[list(estimated.names), "estimator"]) == estimated.recommended
     np.testing.assert_array_equal(marked.loc[list(estimated.names), "mean"], estimated.mean)
     assert {"MC", "MFMC", "crossfit-GP"} == set(table["estimator"])
-    assert repr(estimated).startswith(f"y_0: {estimated.mean[0]:.6g} (95% interval ")
+    assert repr(estimated).startswith(f"y_0: {estimated.mean[0]:.6g} (95 % interval ")
 
 
 def test_one_quantity_gives_single_values_and_data_frames_give_names(given):

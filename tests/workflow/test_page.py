@@ -141,6 +141,13 @@ def test_one_small_file_holds_everything(page):
     assert not re.findall(r"\bBC_\w+|branch\d+|\b[lr]ca\d+|mean_flow", shown)
 
 
+def test_a_space_that_does_not_break_stands_before_every_per_cent_sign(page):
+    text = re.sub(r"base64,[^\"]*|<(pre|script|style).*?</\1>", "", page.read_text(), flags=re.S)
+    said = [html.unescape(re.sub(r"<[^>]*>", "", text)), *re.findall(r'(?:alt|aria-label)="([^"]*)"', text)]
+    assert sum(words.count("\u00a0%") for words in said) > 50
+    assert not [found for words in said for found in re.findall(r".{0,40}\d ?%", words)]
+
+
 def test_every_figure_has_a_number_and_an_anchor_in_the_order_of_the_page(page):
     text = page.read_text()
     anchors = re.findall(r'<figure id="(fig-[\w-]+)"', text)

@@ -10,7 +10,7 @@ from coronaryuq.case.assembly import AssembledCase
 from coronaryuq.case.case_json import CaseWirePlace
 from coronaryuq.case.perfusion.place import distances_to_outlets
 from coronaryuq.case.tables.targets import BY_NAME, check_targets
-from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN
+from coronaryuq.core.units import MBF_PER_MIN_PER_G, ML_PER_MIN, percent
 
 
 def describe(case: AssembledCase) -> list[str]:
@@ -43,7 +43,9 @@ def describe(case: AssembledCase) -> list[str]:
     readable = readable_names(case.tree, summary.outlets)
     for stenosis in summary.stenoses:
         ratio, start = stenosis.area_ratio, stenosis.start
-        narrowing = "" if ratio is None else f", {1 - ratio:.0%} of the area, {1 - ratio**0.5:.0%} of the diameter"
+        narrowing = (
+            "" if ratio is None else f", {percent(1 - ratio)} of the area, {percent(1 - ratio**0.5)} of the diameter"
+        )
         extent = "" if start is None else f", {start:.2f} to {stenosis.end:.2f} cm"
         own = readable.get(stenosis.vessel, stenosis.vessel)
         vessel = stenosis.vessel if own == stenosis.vessel else f"{stenosis.vessel} = {own}"

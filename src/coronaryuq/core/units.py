@@ -49,6 +49,11 @@ SPELLINGS |= {
 """Spellings of one unit, in lower case."""
 
 
+def percent(share: float, decimals: int = 0) -> str:
+    """Return a share in per cent, with a space before the sign: 19 %."""
+    return f"{100 * share:.{decimals}f} %"
+
+
 def standard_unit(written: str, known: Iterable[str]) -> str | None:
     """Return the known unit that a text means; None if there is none.
 

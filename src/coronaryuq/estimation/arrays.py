@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.units import percent
 from coronaryuq.estimation.analysis import tables
 from coronaryuq.estimation.analysis.estimate_rows import estimate_row, estimates_of, prepare
 from coronaryuq.estimation.estimators import joint
@@ -101,7 +102,9 @@ class Estimated:
         for name, row in zip(self.names, self.rows, strict=True):
             best = row.recommended_report
             low, high, level = best.calibrated.low, best.calibrated.high, best.calibrated.level
-            lines.append(f"{name}: {best.mean:.6g} ({level:.0%} interval {low:.6g} to {high:.6g}, {row.recommended})")
+            lines.append(
+                f"{name}: {best.mean:.6g} ({percent(level)} interval {low:.6g} to {high:.6g}, {row.recommended})"
+            )
         return "\n".join([*lines, *(f"warning: {warning}" for warning in self.warnings)])
 
 

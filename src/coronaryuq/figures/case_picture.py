@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel, area_ratio
 from coronaryuq.case.sketch import EndRole, Sketch
+from coronaryuq.core.units import percent
 from coronaryuq.figures.label_places import Box, place_labels
 from coronaryuq.figures.style import DARK, Output, colour, saved
 
@@ -116,7 +117,7 @@ def _places(sketch: Sketch, tree: Tree, roles: Sequence[EndRole]) -> list[_Place
     """Return what is labelled: ends, stenoses and places of a pressure wire."""
     places = [_Place(role.vessel.points[-1], *_words(role)) for role in roles]
     for stenosis in sketch.stenoses:
-        text = f"{stenosis.name} stenosis, {1 - area_ratio(tree, stenosis):.0%} of the area"
+        text = f"{stenosis.name} stenosis, {percent(1 - area_ratio(tree, stenosis))} of the area"
         if stenosis.read is not None:
             text += f"\nFFR {10 * (stenosis.read.arc - stenosis.end):.0f} mm beyond it"
         middle = tree[stenosis.vessel].position_at((stenosis.start + stenosis.end) / 2)

@@ -102,7 +102,7 @@ def test_a_quantity_that_hardly_varies_carries_a_warning():
 
 
 def test_a_small_pilot_states_what_it_may_have_missed():
-    assert "less than 12%" in diagnostics.unseen(25).text and diagnostics.unseen(101) is None
+    assert "less than 12 %" in diagnostics.unseen(25).text and diagnostics.unseen(101) is None
 
 
 def test_two_estimates_far_apart_carry_a_warning_and_equal_ones_none():

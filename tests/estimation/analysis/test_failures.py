@@ -90,7 +90,7 @@ def test_one_failure_is_no_evidence_and_many_are_reported():
     assert finding_of(*split(theta, theta[:, 0], 1)) is None
     assert finding_of(*split(theta, generator(5, "noise").normal(size=60), 0)) is None
     many = finding_of(*split(theta, generator(5, "noise").normal(size=60), 9))
-    assert many.code == "many failures" and many.text == "9 of 60 3D runs failed (15%)"
+    assert many.code == "many failures" and many.text == "9 of 60 3D runs failed (15 %)"
 
 
 def test_constant_and_identical_inputs_do_no_harm():

@@ -23,7 +23,7 @@ from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import OutletRow
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
-from coronaryuq.core.units import LENGTHS
+from coronaryuq.core.units import LENGTHS, percent
 
 CASE, OUTLETS, FLOWS, TARGETS = "case.yaml", "outlets.csv", "flows.csv", "targets.csv"
 
@@ -52,7 +52,7 @@ class DraftStenosis:
     def __str__(self) -> str:
         entry = self.entry
         place = f"vessel {entry['vessel']}, {entry['start']:.2f} to {entry['end']:.2f} cm"
-        return f"{entry['name']}: {place}, {self.narrowing:.0%} of the area"
+        return f"{entry['name']}: {place}, {percent(self.narrowing)} of the area"
 
 
 @dataclass(frozen=True)

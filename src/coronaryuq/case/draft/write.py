@@ -20,6 +20,7 @@ from coronaryuq.case.tables.targets import OUTPUT_AND_RATE
 from coronaryuq.case.tables.targets import TARGETS as KNOWN_TARGETS
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import check_folder
+from coronaryuq.core.units import percent
 
 CONFIGURATION, README = "campaign.yaml", "README.md"
 LITERATURE = {
@@ -193,7 +194,7 @@ def case_text(folder: Path, name: str, draft: Draft, inputs: Inputs) -> str:
         lines += ["systemic_outlets:", *(f"  - {_flow(entry)}" for entry in draft.systemic)]
     if draft.stenoses:
         lines.append("stenoses:")
-        lines += [f"  - {_flow(s.entry)}  # {s.narrowing:.0%} of the area" for s in draft.stenoses]
+        lines += [f"  - {_flow(s.entry)}  # {percent(s.narrowing)} of the area" for s in draft.stenoses]
     else:
         lines.append("stenoses: []")
     if draft.wire_place is not None:

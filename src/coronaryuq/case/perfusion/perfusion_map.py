@@ -13,7 +13,7 @@ from coronaryuq.case.perfusion.registration_quality import agreement
 from coronaryuq.case.perfusion.transform_files import read_transform
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.vtk import read_vtk
-from coronaryuq.core.units import LENGTHS, MBF_PER_MIN_PER_G, MM, perfusions
+from coronaryuq.core.units import LENGTHS, MBF_PER_MIN_PER_G, MM, percent, perfusions
 
 if TYPE_CHECKING:
     import pyvista
@@ -291,7 +291,7 @@ def _check_background(file, map_: Perfusion, values: np.ndarray, volumes: np.nda
     share = float(volumes[known][values[known] < low].sum() / reached[-1])
     if share > MOST_FAINT:
         remedy = (
-            f"{share:.0%} of the map is below {low:.3g} {map_.unit}, {FAINT:.0%} of its highest values; give "
+            f"{percent(share)} of the map is below {low:.3g} {map_.unit}, {percent(FAINT)} of its highest values; give "
             "perfusion.label or perfusion.threshold, which select the left ventricular wall"
         )
         raise InputError(file, "perfusion.threshold", None, remedy)
@@ -330,7 +330,7 @@ def _filled(
             path,
             "values",
             str(invalid),
-            f"more than {MOST_INVALID:.0%} are invalid; repair the map or restrict it to the wall",
+            f"more than {percent(MOST_INVALID)} are invalid; repair the map or restrict it to the wall",
         )
     empty = ~np.isfinite(values) | (values < 0)
     if empty.any():

@@ -7,6 +7,7 @@ import pandas as pd
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import line_number
+from coronaryuq.core.units import percent
 from coronaryuq.discrepancy.data.measurements import AORTIC, LEAST_POINTS, WIDEST_GAP
 
 TIME, AORTA, VENTRICLE, FLOW = "t abs [s]", "AoP [mmHg]", "LVP [mmHg]", "LAD Flow [ml/s]"
@@ -39,7 +40,7 @@ def check_beat(path: Path, frame: pd.DataFrame) -> None:
         values = frame[name].to_numpy(float)
         jump = abs(values[-1] - values[0]) / np.ptp(values)
         if jump > LARGEST_JUMP:
-            raise InputError(path, name, f"{jump:.0%}", "of its range between start and end; expected one whole beat")
+            raise InputError(path, name, percent(jump), "of its range between start and end; expected one whole beat")
 
 
 def _check_times(path: Path, time: np.ndarray) -> None:

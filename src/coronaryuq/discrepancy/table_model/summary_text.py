@@ -1,5 +1,6 @@
 """Summary of the search of one branch in plain English."""
 
+from coronaryuq.core.units import percent
 from coronaryuq.discrepancy.table_model.branch_search import LEFT_FLOORS
 from coronaryuq.discrepancy.table_model.laws import FLOOR_FFR
 from coronaryuq.discrepancy.table_model.tables import artery
@@ -75,7 +76,8 @@ def _named_text(answer: dict) -> str:
     )
     return (
         f"{' and '.join(names)} (probability {answer['probability']:.2f}, selected in "
-        f"{answer['share_of_folds_with_this_name']:.0%} of the folds). Sizes with 90 % intervals: {sizes}; {terms}. "
+        f"{percent(answer['share_of_folds_with_this_name'])} of the folds). "
+        f"Sizes with 90 % intervals: {sizes}; {terms}. "
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from scipy import stats
 from scipy.special import ndtri
 
+from coronaryuq.core.units import percent
 from coronaryuq.estimation.estimators.crossfit import Estimate
 from coronaryuq.estimation.estimators.dependence import INDEPENDENT, Dependence, Segments, variance
 from coronaryuq.estimation.estimators.quantile import lost_coverage
@@ -121,7 +122,7 @@ def outside_support(theta: np.ndarray, support: np.ndarray, inputs: tuple[str, .
     worst = inputs[int(beyond.mean(axis=0).argmax())]
     return Finding(
         "resampled outside training",
-        f"{share:.0%} of the resampled 0D inputs lie outside the training inputs, most of them in {worst}",
+        f"{percent(share)} of the resampled 0D inputs lie outside the training inputs, most of them in {worst}",
         "kept: the estimate remains unbiased; ρ is unreliable there, because the 0D model is extrapolated",
     )
 
@@ -144,7 +145,7 @@ def unexplained(column: str, error: float) -> Finding:
     """Warn of a 0D output whose emulator leaves a fraction of its variance unexplained."""
     return Finding(
         "poor emulator",
-        f"the emulator of {column} leaves {error:.1%} of its variance unexplained",
+        f"the emulator of {column} leaves {percent(error, 1)} of its variance unexplained",
         "shown, not recommended",
         blocks=True,
     )
@@ -159,7 +160,8 @@ def dominated(residuals: np.ndarray, samples: tuple[str, ...]) -> Finding | None
     worst = int(squares.argmax())
     return Finding(
         "one run dominates",
-        f"{samples[worst]} alone has {squares[worst] / total:.0%} of the squared residuals of the best control variate",
+        f"{samples[worst]} alone has {percent(squares[worst] / total)} of the squared residuals of the best control "
+        "variate",
         "kept; check whether that 3D run converged, because the interval depends on it",
     )
 
@@ -171,7 +173,7 @@ def coarse_failures(runs: Runs) -> Finding | None:
         return None
     return Finding(
         "coarse runs failed",
-        f"{share:.0%} of the coarse 3D runs failed",
+        f"{percent(share)} of the coarse 3D runs failed",
         "an emulator replaces them, without bias, but the interval may be too narrow: shown, not recommended",
         blocks=True,
     )
@@ -183,7 +185,7 @@ def skewed(estimate: Estimate) -> Finding | None:
     if lost <= LOST:
         return None
     # The expansion holds for small skewness; beyond, it takes more than all of the coverage.
-    part = f"{lost:.1%}" if lost < estimate.interval.level else "a large, unknown part"
+    part = percent(lost, 1) if lost < estimate.interval.level else "a large, unknown part"
     return Finding(
         "long tail",
         f"a few runs dominate {estimate.method} (skewness {estimate.skewness:.2g}): an unadjusted interval would "
@@ -202,12 +204,13 @@ def constant(y: np.ndarray) -> Finding | None:
         return Finding(
             "does not vary",
             f"all {len(y)} runs have the value {values[0]:.6g}, so its error cannot be estimated from them",
-            f"the interval has no width; by the rule of three, up to {3 / len(y):.0%} of the inputs may have others",
+            f"the interval has no width; by the rule of three, up to {percent(3 / len(y))} of the inputs may have "
+            "others",
         )
     return Finding(
         "hardly varies",
         f"all but {others} of {len(y)} runs have the value {values[counts.argmax()]:.6g}",
-        f"by the rule of three, values of up to {3 / len(y):.0%} of the inputs may not have been seen",
+        f"by the rule of three, values of up to {percent(3 / len(y))} of the inputs may not have been seen",
     )
 
 
@@ -217,7 +220,7 @@ def unseen(n: int) -> Finding | None:
         return None
     return Finding(
         "few runs",
-        f"an effect that sets in for less than {3 / n:.0%} of the inputs may not be among {n} runs",
+        f"an effect that sets in for less than {percent(3 / n)} of the inputs may not be among {n} runs",
         "rule of three, 95 %; no interval from these runs includes it",
     )
 

@@ -4,6 +4,7 @@ import numpy as np
 from scipy import stats
 
 from coronaryuq.core.seeds import generator
+from coronaryuq.core.units import percent
 from coronaryuq.estimation.analysis.diagnostics import Finding
 from coronaryuq.estimation.runs.table import Runs
 
@@ -32,7 +33,7 @@ def failed_not_at_random(runs: Runs, seed: int, scaling: str | None = None) -> F
     if share > MANY:
         return Finding(
             "many failures",
-            f"{failed} of {count} 3D runs failed ({share:.0%})",
+            f"{failed} of {count} 3D runs failed ({percent(share)})",
             "left out; no dependence on inputs was found, but a weak one may be hidden",
         )
     return None

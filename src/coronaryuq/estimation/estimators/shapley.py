@@ -31,6 +31,7 @@ from scipy.stats import rankdata
 
 from coronaryuq.core.jit import njit
 from coronaryuq.core.seeds import generator
+from coronaryuq.core.units import percent
 from coronaryuq.estimation.estimators.design import NODES, WEIGHTS, Design
 from coronaryuq.estimation.estimators.per_row import Predictions
 from coronaryuq.estimation.results import Value
@@ -106,7 +107,7 @@ def effects(
         found.append(_shares(expansion.terms(coefficients), correlation, list(members.values()), orders))
     warning = None
     if expansion.explained < EXPLAINED:
-        warning = f"polynomials of the inputs explain {expansion.explained:.0%} of the variance of the predictions"
+        warning = f"polynomials of the inputs explain {percent(expansion.explained)} of the variance of the predictions"
     shapley, total = np.array(found).transpose(1, 2, 0)
     return Effects(*(
         {name: _value(drawn, level, warning) for name, drawn in zip(members, of, strict=True)}

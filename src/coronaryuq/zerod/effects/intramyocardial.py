@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.core.units import percent
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import WAVE_POINTS, ConditionState, Effect, Parameter, Series, Values, sampled
 from coronaryuq.zerod.effects.beds import ALL
@@ -61,7 +62,9 @@ class IntramyocardialPressure(Effect):
             return ""
         beds = [anatomy.blocks[bed]["bc_values"]["Pim"] for bed in _open_beds(anatomy)]
         pulsing = all(np.ptp(pressure) > PULSING * anatomy.pressure for pressure in beds)
-        shape = "the model's intramyocardial pressure" if pulsing else f"a half sine over {EJECTION:.0%} of the beat"
+        shape = (
+            "the model's intramyocardial pressure" if pulsing else f"a half sine over {percent(EJECTION)} of the beat"
+        )
         return f"Left ventricular pressure is not given (drive LV): its shape is assumed to be {shape}. "
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
