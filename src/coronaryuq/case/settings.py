@@ -6,6 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Uncertainty = Literal["full", "paper"]
 """What a campaign takes as uncertain: all that is measured, or perfusion and resistances alone, as in the paper."""
+STENOSIS_LOSS = 1.52
+"""K_t of Young and Tsai (1973), used by Pfaller et al. (2022), Eq. 7."""
 
 
 class Settings(BaseModel):
@@ -14,11 +16,11 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     stenosis_loss: float = Field(
-        1.52,
+        STENOSIS_LOSS,
         ge=0,
         le=5,
-        description="K_t of the stenosis law ΔP = K_t ρ/(2 A_0²) (A_0/A_s − 1)² Q²: 1.52 as published; 1.0 agrees "
-        "better with 3D flow in smooth, cosine-shaped narrowings.",
+        description="K_t of the stenosis law ΔP = K_t ρ/(2 A_0²) (A_0/A_s − 1)² Q² in a network that is built from an "
+        "anatomy: 1.52 as published; 1.0 agrees better with 3D flow in smooth, cosine-shaped narrowings.",
     )
     kinetic_factor: float = Field(
         2.0,

@@ -19,7 +19,7 @@ from coronaryuq.case.network.network import UNCERTAIN
 from coronaryuq.case.network.schematic import schematic_tree
 from coronaryuq.case.network.throats import SHORTEST_THROAT, Bore, implied_bore
 from coronaryuq.case.network.topology import CORONARY, closed_loop_tree
-from coronaryuq.case.settings import Settings
+from coronaryuq.case.settings import STENOSIS_LOSS, Settings
 from support.random_trees import network_of, tube
 from support.small_loop import loop
 
@@ -58,7 +58,7 @@ def tube_elements(bore: Bore) -> dict[str, float]:
     return {
         "R_poiseuille": 8 * BLOOD.viscosity / np.pi / bore.radius**4 * (1 + bore.share * (q**2 - 1)),
         "L": BLOOD.density / area * (1 + bore.share * (q - 1)),
-        "stenosis_coefficient": 1.52 * BLOOD.density / (2 * area**2) * (q - 1) ** 2,
+        "stenosis_coefficient": STENOSIS_LOSS * BLOOD.density / (2 * area**2) * (q - 1) ** 2,
     }
 
 

@@ -17,9 +17,9 @@ from threadpoolctl import threadpool_limits
 
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.bench.discrepancy.trial import analyse
-from coronaryuq.case.network.build import STENOSIS_LOSS
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
+from coronaryuq.case.settings import STENOSIS_LOSS
 from coronaryuq.core import units
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv

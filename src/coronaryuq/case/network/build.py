@@ -7,10 +7,9 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
 from coronaryuq.case.network.network import HEART_TYPE, Network
+from coronaryuq.case.settings import STENOSIS_LOSS
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, MMHG
 
-STENOSIS_LOSS = 1.52
-"""K_t of Young and Tsai (1973), used by Pfaller et al. (2022), Eq. 7."""
 RADIUS_STEP = 0.1
 """Largest distance (cm) of the radii of a 0D vessel that its entry in the network lists."""
 MURRAY_EXPONENT = 2.6

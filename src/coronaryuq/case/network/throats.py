@@ -6,11 +6,10 @@ import numpy as np
 
 from coronaryuq.case.network.schematic import radius_from_inertance
 from coronaryuq.case.network.topology import Topology
+from coronaryuq.case.settings import STENOSIS_LOSS
 
 SHORTEST_THROAT, LONGEST_THROAT = 0.02, 0.8
 """Share of the vessel that a throat takes at least and at most."""
-LOSS = 1.52
-"""Coefficient of the stenosis loss (Pfaller et al. 2022)."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +31,9 @@ def implied_bore(topology: Topology, vessel: str, density: float, viscosity: flo
     the throat; of two such tubes the one with the shorter throat is taken. Where no tube has all three, the radius is
     that of the inertance, and the throat is as long as the resistance demands. Without an inertance the radius is that
     of the resistance, and there is no throat.
+
+    The stenosis coefficient is read with the published K_t. The setting `patient.stenosis_loss` is that of networks
+    built here from an anatomy; this one was built elsewhere, and says nothing of its own.
     """
     values, length = topology.network.vessel_values(vessel), topology.length(vessel)
     resistance, coefficient = (float(values.get(name) or 0.0) for name in ("R_poiseuille", "stenosis_coefficient"))
@@ -41,7 +43,7 @@ def implied_bore(topology: Topology, vessel: str, density: float, viscosity: flo
         return Bore(float((8.0 * viscosity * length / (np.pi * resistance)) ** 0.25)) if known else None
     if coefficient <= 0.0:
         return Bore(uniform)
-    loss = np.pi * np.sqrt(2.0 * coefficient / (LOSS * density))
+    loss = np.pi * np.sqrt(2.0 * coefficient / (STENOSIS_LOSS * density))
     fourth = np.pi * resistance / (8.0 * viscosity * length)
     # With q = 1 + loss r² of healthy over throat area, and the share f: 1 + f (q - 1) = (r / uniform)² by the inertance
     # and 1 + f (q² - 1) = fourth r⁴ by the resistance, a quadratic equation in r².
