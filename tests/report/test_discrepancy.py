@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from markupsafe import escape
 
-from coronaryuq.discrepancy.result.summary_text import next_measurement_text
+from coronaryuq.discrepancy.result.phrases import next_measurement_text
 from coronaryuq.report import discrepancy
 from coronaryuq.report.captions import SEARCHES
 from coronaryuq.report.discrepancy import title, write_page

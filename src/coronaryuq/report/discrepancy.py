@@ -10,7 +10,8 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
-from coronaryuq.discrepancy.result.summary_text import paragraph, worth_measuring
+from coronaryuq.discrepancy.result.phrases import worth_measuring
+from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.discrepancy import words_of

@@ -1,4 +1,4 @@
-"""Facts for the summary of a search, as JSON; `summary_text` phrases them."""
+"""Facts for the summary of a search, as JSON; `summary_text` and `phrases` word them."""
 
 import numpy as np
 
