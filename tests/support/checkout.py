@@ -10,6 +10,8 @@ from pathlib import Path
 
 import yaml
 
+from support.warm_snakemake import snakemake
+
 ROOT = Path(__file__).parents[2]
 EMPTY_OUTPUTS = """
 import os, pathlib, sys
@@ -63,7 +65,7 @@ class Checkout:
     """Copy of the project's workflow and sources, with a small campaign named `tiny`, without mesh study and losses."""
 
     def __init__(self, folder: Path, cache: Path | None = None):
-        self.folder, self.cache = folder, cache
+        self.folder, self.cache, self.source, self.edited = folder, cache, folder / "src" / "coronaryuq", False
         folder.mkdir(parents=True, exist_ok=True)
         for part in ("workflow", "config", "src"):
             shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
@@ -85,7 +87,10 @@ class Checkout:
         return {"args": command, "cwd": self.folder, "env": environment, "text": True}
 
     def run(self, *arguments: str, settings: dict | None = None) -> subprocess.CompletedProcess:
-        return subprocess.run(**self.command(*arguments, settings=settings), capture_output=True, timeout=1200)
+        command = self.command(*arguments, settings=settings)
+        if self.edited:
+            return subprocess.run(**command, capture_output=True, timeout=1200)
+        return snakemake(command["args"][3:], command["cwd"], command["env"])
 
     def dry_run(self, *targets: str, settings: dict | None = None) -> Counter:
         """Jobs per rule that would run now."""
@@ -120,5 +125,12 @@ class Checkout:
 
     def edit(self, module: str, line: str = "EDITED = True") -> None:
         """Add a line to a source file."""
-        with open(self.folder / "src" / "coronaryuq" / module, "a") as file:
+        self.edited = True
+        with open(self.source / module, "a") as file:
             file.write(f"\n{line}\n")
+
+    def restore(self, *modules: str) -> None:
+        """Undo all edits, which are those of the given source files."""
+        for module in modules:
+            shutil.copy2(ROOT / "src" / "coronaryuq" / module, self.source / module)
+        self.edited = False

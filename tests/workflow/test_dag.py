@@ -23,6 +23,21 @@ def finished(tmp_path_factory):
     return checkout
 
 
+@pytest.fixture
+def after_edits(finished):
+    """Jobs of that campaign after edits, line per module, which end with the test."""
+    edited = {}
+
+    def jobs(edits):
+        edited.update(edits)
+        for module, line in edits.items():
+            finished.edit(module, line)
+        return finished.dry_run()
+
+    yield jobs
+    finished.restore(*edited)
+
+
 def changed(checkout, **blocks):
     settings = copy.deepcopy(checkout.settings)
     for block, values in blocks.items():
@@ -159,21 +174,14 @@ def test_a_changed_setting_makes_stale_what_depends_on_it(finished, block, value
         ("figures/style.py", {"figure"}, {"estimation", "flow3d_batch"}),
     ],
 )
-def test_an_edit_of_an_imported_module_makes_stale_what_imports_it(tmp_path, module, stale, fresh):
-    checkout = Checkout(tmp_path)
-    checkout.pretend_done()
-    checkout.edit(module, "a {}" if module.endswith("css") else "EDITED = True")
-    jobs = set(checkout.dry_run())
+def test_an_edit_of_an_imported_module_makes_stale_what_imports_it(after_edits, module, stale, fresh):
+    jobs = set(after_edits({module: "a {}" if module.endswith("css") else "EDITED = True"}))
     assert stale <= jobs
     assert not fresh & jobs
 
 
-def test_comments_and_docstrings_make_nothing_stale(tmp_path):
-    checkout = Checkout(tmp_path)
-    checkout.pretend_done()
-    checkout.edit("posterior/sampler/dream.py", "# A comment.")
-    checkout.edit("zerod/stage.py", '"""A docstring."""')
-    assert checkout.dry_run() == {}
+def test_comments_and_docstrings_make_nothing_stale(after_edits):
+    assert after_edits({"posterior/sampler/dream.py": "# A comment.", "zerod/stage.py": '"""A docstring."""'}) == {}
 
 
 def test_figures_alone_compute_nothing_else(finished):
@@ -212,8 +220,7 @@ def test_a_search_on_pairs_needs_nothing_of_the_campaign(checkout):
     assert set(jobs) == {"discrepancy_pairs", "discrepancy_figure", "discrepancy_report", "discrepancy"}
 
 
-def test_an_edit_of_the_summary_text_leaves_searches_fresh(tmp_path):
-    checkout = Checkout(tmp_path)
+def test_an_edit_of_the_summary_text_leaves_searches_fresh(checkout):
     checkout.pretend_done("discrepancy")
     checkout.edit("discrepancy/result/summary_text.py")
     assert set(checkout.dry_run("discrepancy")) == {"discrepancy_text", "discrepancy_report", "discrepancy"}
