@@ -1,5 +1,7 @@
 """Results shared between campaigns: what is the same is taken from the cache, what could differ is computed."""
 
+import shutil
+
 import pytest
 
 from support.checkout import Checkout
@@ -9,14 +11,21 @@ pytestmark = pytest.mark.workflow
 EXPENSIVE = {"mesh", "perfusion_chunk", "calibration", "posterior_chains", "flow3d_batch", "zerod_chunk"}
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """What a first campaign has left."""
+    folder = tmp_path_factory.mktemp("first")
+    (folder / "cache").mkdir()
+    Checkout(folder / "first", folder / "cache").pretend_done()
+    return folder / "cache"
+
+
 @pytest.fixture
-def again(tmp_path):
-    """Runs one campaign, then another with other settings or an edit, on one cache; returns what the second ran."""
+def again(cache, tmp_path):
+    """Runs another campaign with other settings or an edit on a copy of that cache; returns what it ran."""
 
     def run(settings=None, edit=None):
-        (tmp_path / "cache").mkdir()
-        Checkout(tmp_path / "first", tmp_path / "cache").pretend_done()
-        second = Checkout(tmp_path / "second", tmp_path / "cache")
+        second = Checkout(tmp_path / "second", shutil.copytree(cache, tmp_path / "cache"))
         for block, values in (settings or {}).items():
             second.settings.setdefault(block, {}).update(values)
         if edit:

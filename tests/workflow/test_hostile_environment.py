@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from support.case_files import small_tree, write_case
 from support.checkout import ROOT
 from support.other_user import as_user
 
@@ -46,10 +47,16 @@ def run(places, *words, **environment):
 
 
 def test_a_campaign_starts_without_home_and_name(places):
-    done = run(places, "run", "smoke", "results/smoke/patient/case.yaml", "--cores", "1")
+    """The first job that compiles kernels, and the one before it."""
+    (places[0] / "mine.yaml").write_text("name: mine\ncase: given/case.yaml\nperfusion: {realisations: 20}\n")
+    write_case(places[0] / "given", small_tree())
+    for path in places[0].rglob("*"):
+        path.chmod(0o755 if path.is_dir() else 0o644)
+    done = run(places, "run", "mine.yaml", "results/mine/perfusion/chunk_0.npz", "--cores", "1")
     assert done.returncode == 0, done.stdout + done.stderr
-    (note,) = Path(places[0], "results/smoke/provenance").glob("*.json")
-    assert '"code"' in note.read_text()
+    notes = list(Path(places[0], "results/mine/provenance").glob("*.json"))
+    assert len(notes) == 2 and all('"code"' in note.read_text() for note in notes)
+    assert list(places[1].glob("*/**/*.nbi")), "kernels are kept in the temporary folder"
 
 
 @pytest.mark.parametrize("home", [{}, {"HOME": "/"}, {"HOME": "/proc/nowhere"}])

@@ -44,7 +44,8 @@ def test_a_python_in_a_folder_with_a_space_runs_jobs(tmp_path):
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(python.parents[1])], check=True)
     (own,) = (python.parents[1] / "lib").glob("python3*/site-packages")
     (own / "others.pth").write_text(sysconfig.get_paths()["purelib"])
+    checkout.replace_jobs({"bundled_patient": "[pathlib.Path(output).write_text(sys.prefix) for output in outputs]"})
     started = checkout.command("results/tiny/patient/case.yaml")
     done = subprocess.run(**started | {"args": [str(python), *started["args"][1:]]}, capture_output=True)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert (checkout.folder / "results/tiny/patient/case.yaml").is_file()
+    assert (checkout.folder / "results/tiny/patient/case.yaml").read_text() == str(python.parents[1])

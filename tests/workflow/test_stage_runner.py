@@ -1,32 +1,45 @@
 """The runner of stage functions: keywords of a call, and that every rule gives its function what it takes."""
 
 import json
+import pickle
 import subprocess
 import sys
 
 import pytest
 
-from support.checkout import ROOT, Checkout
+from coronaryuq.campaign.job import job
+from coronaryuq.core.ranks import Ranks
+from support.checkout import EMPTY_OUTPUTS, ROOT, Checkout
 
 pytestmark = pytest.mark.workflow
 
-BINDS = """
-from coronaryuq.campaign.job import job
-import pathlib
-with job(globals()) as this:
-    this.arguments(this.function())
-    for path in this.output.values():
-        for output in map(pathlib.Path, [path] if isinstance(path, str) else path):
-            output.write_text("") if output.suffix else output.mkdir(exist_ok=True)
+KEEPS_JOB = (
+    EMPTY_OUTPUTS
+    + """
+import pickle, uuid
+with open(f"job_{uuid.uuid4()}", "wb") as file:
+    pickle.dump((rule, globals().get("snakemake"), sys.argv), file)
 """
+)
 
 
-def test_every_rule_gives_its_function_what_it_takes(tmp_path):
+def test_every_rule_gives_its_function_what_it_takes(tmp_path, monkeypatch):
+    """The campaign's jobs only keep what they were given; their functions are then looked up in one process."""
     checkout = Checkout(tmp_path)
-    (checkout.folder / "workflow" / "scripts" / "stage.py").write_text(BINDS)
-    checkout.settings["discrepancy"] = {"in_report": True}
+    (checkout.folder / "workflow" / "scripts" / "stage.py").write_text(KEEPS_JOB)
+    checkout.settings |= {"discrepancy": {"in_report": True, "adopt": True}, "losses": {"runs_3d": 8}}
     done = checkout.run()
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Ranks, "started", lambda size, threads: Ranks(threads=threads))
+    rules = set()
+    for path in sorted(tmp_path.glob("job_*")):
+        rule, snakemake, words = pickle.loads(path.read_bytes())
+        monkeypatch.setattr(sys, "argv", words)
+        with job({} if snakemake is None else {"snakemake": snakemake}) as this:
+            this.arguments(this.function())
+        rules.add(rule.split()[0])
+    assert {"posterior_chains", "estimation", "discrepancy_search", "adoption_prediction", "losses"} <= rules
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import pytest
 from coronaryuq.bench.discrepancy.benchmark import NATURE, run
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.rivals import compare
 from coronaryuq.bench.discrepancy.rivals.adapter import look
 from coronaryuq.bench.discrepancy.rivals.classifier import Classifier, Features, decided
 from coronaryuq.bench.discrepancy.rivals.compare import LEVEL
@@ -41,6 +42,12 @@ def nothing(experiment, tmp_path_factory):
     return look(folder)
 
 
+@pytest.fixture(scope="module")
+def subjects(experiment):
+    """Training cases of the five subjects that come first."""
+    return list(training_cases(experiment, NATURE, 5))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("rival", RIVALS, ids=lambda rival: rival.name)
 def test_an_easy_effect_is_named_and_nothing_where_nothing_is_hidden(rival, easy, nothing):
@@ -52,9 +59,9 @@ def test_an_easy_effect_is_named_and_nothing_where_nothing_is_hidden(rival, easy
 
 
 @pytest.mark.slow
-def test_the_classifier_learns_from_other_seeds(experiment, easy):
+def test_the_classifier_learns_from_other_seeds(subjects, easy):
     """With 16 subjects 0.97 of cases with nothing hidden are answered "nothing", with four 0.86: 17 of 20, sd 1.6."""
-    *batches, held_back = training_cases(experiment, NATURE, 5)
+    *batches, held_back = subjects
     labels = [case.label for batch in batches for case in batch]
     assert labels.count(NONE) == 80 and OTHER in labels and len(set(labels)) > 80
     rival, extract = Classifier.trained(batches), Features(held_back[0].problem)
@@ -89,7 +96,12 @@ def test_discrepancy_is_the_mean_of_the_process():
 
 
 @pytest.mark.slow
-def test_the_benchmark_lets_rivals_answer(capsys):
+def test_the_benchmark_lets_rivals_answer(experiment, subjects, monkeypatch):
+    def first_of(used, nature, count):
+        assert used.network == experiment.network and nature == NATURE and count < len(subjects)
+        return subjects[:count]
+
+    monkeypatch.setattr(compare, "training_cases", first_of)
     found = run(quick=True, effects=("none",), rivals=True)
     (case,) = found["cases"]
     assert list(case["answers"]) == found["nature"]["rivals"] and len(case["answers"]) == 5
