@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from coronaryuq.discrepancy.result import summary_text
+from coronaryuq.discrepancy.result import phrases, summary_text
 from coronaryuq.zerod.effects.library import LIBRARY, SEARCHED
 from coronaryuq.zerod.effects.names import EFFECTS
 
@@ -64,7 +64,8 @@ def test_sentences_quoted_in_the_documentation_are_printed_by_the_search():
         (ROOT / "docs" / "how-to" / "discrepancy.md").read_text(encoding="utf-8").partition("## Reading the answer")[2]
     )
     quoted = [line.split("|")[1].strip() for line in page.partition("## Measurements")[0].splitlines() if "|" in line]
-    tree = ast.parse(Path(summary_text.__file__).read_text(encoding="utf-8"))
+    modules = (phrases, summary_text)
+    tree = ast.parse("".join(Path(module.__file__).read_text(encoding="utf-8") for module in modules))
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
     docstrings = [ast.get_docstring(node, clean=False) for node in functions]
     constants = [
