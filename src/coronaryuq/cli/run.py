@@ -60,7 +60,7 @@ def demo(cores: str) -> int:
     """Run every stage once on the bundled patient, in results/smoke of the current folder."""
     print(
         "Every stage once on the bundled patient, with few samples: three minutes on two cores, four the first time.\n"
-        "Its intervals are wide; `coronaryuq run laptop` takes 25 to 40 minutes, uses more samples, and takes the"
+        "Its intervals are wide; `coronaryuq run laptop` takes 20 to 40 minutes, uses more samples, and takes the"
         " errors of lumen, cuff and echocardiogram into account.",
         file=sys.stderr,
     )
