@@ -110,7 +110,7 @@ def test_quantiles_that_rest_on_few_runs_carry_a_warning(card):
     both = {end: value(0.8, warning=few) for end in ("0.95", "0.05")}
     told = (
         "The ends of this range are rough: of the 5 % and 95 % quantiles, each rests on about 5 of 104 runs; its "
-        "coverage is untested below 10. More 3D runs would settle them."
+        "interval was tested with 10 or more. More 3D runs would settle them."
     )
     assert card(quantiles=both | {"0.50": value(0.8)})["rare"] == told
     assert card(quantiles={"0.05": value(0.7, warning=few)})["rare"].startswith(

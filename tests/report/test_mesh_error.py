@@ -40,7 +40,7 @@ def test_a_study_of_this_mesh_is_quoted(mesh, study):
     assert found.of("osi_max_lad") == "mesh ± 0.098"
     assert found.of("osi_max_lad", 100.0) == "mesh ± 9.8"
     assert found.of("mean_flow:A:B") == ""
-    assert "4000, 8000, 17000 nodes" in found.sentence and "2 or more of the samples" in found.sentence
+    assert "4,000, 8,000, 17,000 nodes" in found.sentence and "2 or more of the samples" in found.sentence
     assert "FFR is accurate to 0.014 at the worst stenosis" in found.sentence, "0.0045 + 1.96 · 0.005"
     assert "extremes of wall shear and OSI have not converged" in found.sentence
 

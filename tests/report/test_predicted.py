@@ -39,7 +39,8 @@ def readings():
 def test_the_lowest_ffr_of_the_tree_is_told_with_its_place(table, readings):
     found = predicted.lowest(table, readings)
     assert (found["ffr"], found["ffr_low"], found["ffr_high"], found["below"]) == ("0.70", "0.65", "0.75", True)
-    assert found["where"] == "at the end of the LAD (diameter there 2.4 mm)"
+    assert found["where"] == "at the end of the LAD (diameter there 2.4 mm)" and found["in_artery"]
+    assert not predicted.lowest(table.assign(artery="RCA"), readings)["in_artery"]
     assert predicted.lowest(table[table["quantity"] == "pressure drop"], readings) == {}
 
 

@@ -56,18 +56,18 @@ def _shift(quantiles: Mapping[str, Value], below: Probability, limit: float) -> 
     if limits is None:
         up, down = max(limit - low, 0.0), max(high - limit, 0.0)
         return (
-            f"FFR higher {_by(up)} in every state, for instance because the lumen was drawn too narrow, would "
-            f"make it very likely not flow-limiting; lower {_by(down)}, flow-limiting."
+            f"FFR {_by('higher', up)} in every state, for instance because the lumen was drawn too narrow, would "
+            f"make it very likely not flow-limiting; {_by('lower', down)}, flow-limiting."
         ), min(up, down)
     side, drawn, margin = ("higher", "narrow", limit - high) if limits else ("lower", "wide", low - limit)
     return (
-        f"If FFR were {side} {_by(margin)} in every state, for instance because the lumen was drawn too {drawn}, "
+        f"If FFR were {_by(side, margin)} in every state, for instance because the lumen was drawn too {drawn}, "
         f"it would be open; by {abs(median - limit):.2f}, the median would lie at {limit:.2f}."
     ), max(margin, 0.0)
 
 
-def _by(shift: float) -> str:
-    return f"by about {shift:.2f}" if shift >= LEAST else "a little"
+def _by(side: str, shift: float) -> str:
+    return f"{side} by about {shift:.2f}" if shift >= LEAST else f"a little {side}"
 
 
 def _quantile(quantiles: Mapping[str, Value], share: float) -> float:

@@ -51,12 +51,12 @@ class MeshError:
     def sentence(self) -> str:
         settings = self.mesh["settings"]
         mesh = (
-            f"3D runs used a mesh of {self.mesh['nodes']} nodes with {settings['throat_resolution']:g} elements over "
+            f"3D runs used a mesh of {self.mesh['nodes']:,} nodes with {settings['throat_resolution']:g} elements over "
             "the radius of a throat. "
         )
         if self.study is None or self.of_another_mesh:
             state = "was measured on another mesh" if self.of_another_mesh else "was not measured"
-            return mesh + (f"Its error {state}; the target mesh_study measures it. {SLOW}")
+            return mesh + (f"Its error {state}; the target `mesh_study` of the workflow measures it. {SLOW}")
         missing = "".join(
             f"The error of the {WORDS[source]} was not measured: {reason}. "
             for source, reason in self.study["not_measured"].items()
@@ -68,7 +68,7 @@ class MeshError:
         if not self.errors:
             return ""
         samples = min(error.n_samples for errors in self.errors.values() for error in errors)
-        sizes = ", ".join(str(nodes) for nodes in self.study["nodes"]) if self.study else ""
+        sizes = ", ".join(f"{nodes:,}" for nodes in self.study["nodes"]) if self.study else ""
         return (
             f"Numerical errors of the mean were measured on {samples} or more of the samples, on meshes of {sizes} "
             "nodes: ± is half of a 95 % interval, which the intervals of the estimates include. A signed number before "

@@ -84,7 +84,7 @@ def paragraph(
         f"was tuned to the clinical measurements; the resistances of the {len(case.lv_outlets)} outlets that perfuse "
         f"the left ventricle were inferred from myocardial perfusion by DREAM [vrugt2009accelerating] ({steps}). "
         f"{counts['n_3d_ok']} three-dimensional simulations by {SOLVERS.get(configuration['backend'])} on a mesh of "
-        f"{nodes} nodes and {counts['n_0d']} zero-dimensional simulations, of which {samples['n_0d']:,} or more "
+        f"{nodes:,} nodes and {counts['n_0d']} zero-dimensional simulations, of which {samples['n_0d']:,} or more "
         f"propagate the posterior, were combined by cross-fitted multi-fidelity estimators; intervals have a nominal "
         f"level of {100 * level:.0f} %. Lesions: {lesions}. Contributions of the inputs to the variance are Shapley "
         f"effects [owen2017shapley]. Seed {configuration['seed']}; Python {stamp.get('python', '')}, {libraries}."

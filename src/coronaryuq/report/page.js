@@ -37,7 +37,7 @@
   });
 
   document.querySelectorAll("table.filterable").forEach(table => {
-    const text = make("input", { type: "search", placeholder: "Filter: LAD, FFR, crossfit …" });
+    const text = make("input", { type: "search", size: 28, placeholder: "Filter: LAD, FFR, crossfit …" });
     text.setAttribute("aria-label", "Filter the table");
     const only = make("input", { type: "checkbox" });
     const count = make("span", { className: "muted" });

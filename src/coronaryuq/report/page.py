@@ -186,7 +186,7 @@ def _fit(fit, summary: Summary) -> dict:
         f"{100 * off.max():.1f} % (largest difference: {worst}).",
         "predictive": f"{100 * check.coverage_95:.0f} % of the target flows lie in the central 95 % of the posterior "
         f"predictive distribution; their mean squared Mahalanobis distance is {check.mean_squared_mahalanobis:.1f}, "
-        f"of {len(check.flow_mean)} expected (p = {check.p_value:.2f}), that of the mean flows "
+        f"where {len(check.flow_mean)} is expected (p = {check.p_value:.2f}); that of the mean flows is "
         f"{check.mahalanobis:.2f}. The fitted resistances reproduce the {len(check.flow_mean)} target "
         f"fractions to within {100 * met:.2g} %; the posterior mean, which the prior shifts, "
         f"to within {100 * check.largest_fraction_error:.2g} % (posterior/fractions.csv).",
@@ -196,7 +196,7 @@ def _fit(fit, summary: Summary) -> dict:
 def _chains(summary: Summary, settings: Mapping) -> dict:
     """Return the verdict on the chains, with each limit beside its number, and how they were made."""
     rhat, ess = settings["rhat_limit"], settings["ess_limit"]
-    verdict = "converged" if summary.converged else "not converged"
+    verdict = "Converged" if summary.converged else "Not converged"
     return {
         "verdict": f"{verdict}: R-hat {summary.rhat_max:.3f}, limit {rhat:g}; smallest bulk effective sample size "
         f"{summary.ess_bulk_min:.0f}, limit {ess:.0f}",

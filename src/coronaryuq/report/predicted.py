@@ -20,14 +20,23 @@ def read_predicted(path: str | Path) -> pd.DataFrame:
 
 
 def lowest(predicted: pd.DataFrame, readings: Readings) -> dict:
-    """Return the lowest of the arteries' lowest FFR, its 90 % range, where it is and of which artery; or nothing."""
+    """Return the lowest of the arteries' lowest FFR, its 90 % range, where it is and of which artery; or nothing.
+
+    in_artery: whether it is in the artery itself, not in a branch of another name.
+    """
     arteries = predicted[predicted["quantity"] == LOWEST]
     if arteries.empty:
         return {}
     row = arteries.loc[arteries["median"].idxmin()]
     values = {name: _ffr(row[column]) for name, column in (("ffr", "median"), ("ffr_low", "low"), ("ffr_high", "high"))}
     where = _place(readings.tree, readings.names, row["vessel"], row["arc"])
-    return {"where": where, "artery": str(row["artery"]), "below": bool(row["median"] <= FFR_LIMIT), **values}
+    return {
+        "where": where,
+        "artery": str(row["artery"]),
+        "in_artery": readings.names[row["vessel"]] == row["artery"],
+        "below": bool(row["median"] <= FFR_LIMIT),
+        **values,
+    }
 
 
 def lines(predicted: pd.DataFrame, readings: Readings) -> list[dict]:

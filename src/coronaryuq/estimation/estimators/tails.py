@@ -300,5 +300,5 @@ def rare(n: int, share: float) -> str | None:
     beyond = n * min(share, 1 - share)
     if beyond >= TAIL_RUNS - 1e-9:
         return None
-    number = f"about {beyond:.0f}" if beyond >= 1 else "fewer than 1"
-    return f"rests on {number} of {n} runs; its coverage is untested below {TAIL_RUNS}"
+    number = f"about {beyond:.0f}" if beyond >= 1 else "less than one"
+    return f"rests on {number} of {n} runs; its interval was tested with {TAIL_RUNS} or more"
