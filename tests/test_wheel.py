@@ -70,9 +70,9 @@ def test_the_package_comes_from_the_wheel(program, tmp_path):
 
 
 def test_a_campaign_runs_in_an_empty_folder(program, tmp_path):
-    done = run(program, tmp_path, "run", "smoke", "results/smoke/perfusion/targets.json")
+    done = run(program, tmp_path, "run", "smoke", "results/smoke/case/case.json")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert (tmp_path / "results/smoke/perfusion/targets.json").is_file()
+    assert (tmp_path / "results/smoke/case/case.json").is_file()
     assert str(ROOT) not in (tmp_path / "results/smoke/provenance/case.json").read_text()
     checked = run(program, tmp_path, "check", "results/smoke/patient/case.yaml")
     assert checked.returncode == 0, checked.stdout + checked.stderr

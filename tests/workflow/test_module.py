@@ -3,7 +3,6 @@
 import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ import yaml
 from coronaryuq.core.io.atomic import read_json
 from support.case_files import small_tree, write_case
 from support.checkout import ROOT
+from support.warm_snakemake import snakemake
 
 pytestmark = [pytest.mark.workflow, pytest.mark.slow]
 
@@ -48,9 +48,8 @@ def run(folder: Path, text: str, settings: dict, *arguments: str) -> subprocess.
     (folder / "config.yaml").write_text(yaml.safe_dump(settings))
     for name in ("one", "two"):
         write_case(folder / "given" / name, small_tree())
-    command = [sys.executable, "-m", "snakemake", "--configfile", "config.yaml", "--cores", "2", *arguments]
     environment = os.environ | {"PYTHONPATH": str(ROOT / "src"), "XDG_CACHE_HOME": str(folder / "cache")}
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=600)
+    done = snakemake(["--configfile", "config.yaml", "--cores", "2", *arguments], folder, environment)
     assert done.returncode == 0, done.stdout + done.stderr
     return done
 
@@ -95,10 +94,7 @@ def test_snakedeploy_makes_a_project_that_plans_the_campaign(tmp_path):
     text = deployed.read_text()
     assert 'configfile: "config/config.yaml"' in text and '"workflow/Snakefile"' in text
     deployed.write_text(text.replace('"workflow/Snakefile"', f'"{ROOT / "workflow" / "Snakefile"}"'))
-    planned = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "2", "--dry-run"],
-        cwd=project, capture_output=True, text=True, timeout=600,
-        env=os.environ | {"PYTHONPATH": str(ROOT / "src"), "XDG_CACHE_HOME": str(tmp_path / "cache")},
-    )  # fmt: skip
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "src"), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    planned = snakemake(["--cores", "2", "--dry-run"], project, environment)
     assert planned.returncode == 0, planned.stdout + planned.stderr
     assert "results/campaign/report.html" in planned.stdout + planned.stderr

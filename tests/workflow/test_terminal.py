@@ -12,7 +12,7 @@ import pytest
 from coronaryuq.cli.compare import differences
 from coronaryuq.cli.status import running
 from coronaryuq.core.io.atomic import read_json
-from support import smoke
+from support.case_files import small_tree, write_case
 
 pytestmark = pytest.mark.workflow
 COMMAND = [sys.executable, "-m", "coronaryuq.cli.main"]
@@ -20,8 +20,11 @@ COMMAND = [sys.executable, "-m", "coronaryuq.cli.main"]
 
 @pytest.fixture
 def folder(tmp_path):
-    config = (smoke.ROOT / "config" / "smoke.yaml").read_text()
-    (tmp_path / "mine.yaml").write_text(config.replace("name: smoke", "name: mine"))
+    """A small campaign: up to the perfusion targets a case, four chunks of realisations, and what sums them up."""
+    write_case(tmp_path / "given", small_tree())
+    (tmp_path / "mine.yaml").write_text(
+        "name: mine\ncase: given/case.yaml\nsamples: {chunk_realisations: 10}\nperfusion: {realisations: 40}\n"
+    )
     return tmp_path
 
 

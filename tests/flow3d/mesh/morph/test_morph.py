@@ -91,7 +91,7 @@ def test_a_draw_that_closes_the_lumen_is_refused(narrowed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.long), 3])
 def test_forks_grow_and_shrink_as_a_whole_and_walls_lie_on_the_drawn_tubes(seed, coarse, tmp_path):
     tree, stenoses = random_tree(seed)
     network = network_of(tree, stenoses)
