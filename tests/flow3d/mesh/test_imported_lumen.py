@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from coronaryuq.case.anatomy.surface import surface_of
 from coronaryuq.case.anatomy.tree import write_tree
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.flow3d.mesh.generation import folder
-from coronaryuq.flow3d.mesh.imported_lumen import adopt_folder, mesh_closed_surface
+from coronaryuq.flow3d.mesh.imported_lumen import adopt_folder
 from coronaryuq.flow3d.mesh.read_mesh import read_domain
 from coronaryuq.flow3d.mesh.settings import Settings
 from coronaryuq.flow3d.mesh.stage import make_mesh, mesh_tree
@@ -48,19 +47,6 @@ def test_a_folder_of_another_anatomy_is_rejected(forked):
         adopt_folder(given, other, stenoses, network_of(other, stenoses), settings)
 
 
-def test_a_closed_surface_is_filled_with_tetrahedra(forked, tmp_path):
-    given, made, tree, stenoses, network, settings = forked
-    whole = folder.read(given)
-    surface = surface_of(whole.points, whole.triangles)
-    mesh, content = mesh_closed_surface(surface, tree, stenoses, network, settings, tmp_path / "lumen.stl")
-    assert content.domain == "surface"
-    assert content.volume == pytest.approx(made.volume, rel=0.03)
-    assert content.caps == made.caps
-    assert content.quality["dihedral_min"] > 3.0
-    assert set(content.regions) == set(made.regions)
-    assert len(mesh.caps) == len(folder.read(given).caps)
-
-
 @pytest.fixture(scope="module")
 def case_in_mm(forked, tmp_path_factory):
     """What the mesh rule reads: case.json, tree.vtp, network.json, and the lumen as STL and as a folder, in mm."""
@@ -81,10 +67,14 @@ def rule(here, out, **changes):
     return make_mesh(here / "case.json", here / "tree.vtp", here / "network.json", settings, out, **changes)
 
 
-def test_the_rule_meshes_a_surface_in_the_unit_of_the_case(forked, case_in_mm, tmp_path):
-    made = rule(case_in_mm, tmp_path, lumen=case_in_mm / "lumen.stl")
+def test_the_rule_fills_a_closed_surface_in_the_unit_of_the_case_with_tetrahedra(forked, case_in_mm, tmp_path):
+    made, before = rule(case_in_mm, tmp_path, lumen=case_in_mm / "lumen.stl"), forked[1]
     assert made.domain == "surface"
-    assert made.volume == pytest.approx(forked[1].volume, rel=0.03)
+    assert made.volume == pytest.approx(before.volume, rel=0.03)
+    assert made.caps == before.caps
+    assert made.quality["dihedral_min"] > 3.0
+    assert set(made.regions) == set(before.regions)
+    assert len(folder.read(tmp_path / "mesh-complete").caps) == len(folder.read(forked[0]).caps)
     assert read_domain(tmp_path / "mesh-complete", tmp_path / "mesh.json").inlets == ["inlet_v0"]
 
 
