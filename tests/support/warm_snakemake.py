@@ -25,7 +25,8 @@ def _server() -> subprocess.Popen:
         [sys.executable, __file__], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT / "src")},
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True,
     )  # fmt: skip
-    atexit.register(server.stdin.close)
+    atexit.register(server.wait)
+    atexit.register(server.stdin.close)  # is called first, and ends it
     return server
 
 

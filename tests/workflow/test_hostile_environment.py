@@ -61,7 +61,6 @@ def test_a_campaign_starts_without_home_and_name(places):
 
 @pytest.mark.parametrize("home", [{}, {"HOME": "/"}, {"HOME": "/proc/nowhere"}])
 def test_commands_need_no_home(places, home):
-    assert run(places, "--version", **home).returncode == 0
     checked = run(places, "check", str(ROOT / "config" / "smoke.yaml"), **home)
     assert checked.returncode == 0 and "Traceback" not in checked.stderr, checked.stderr
 
