@@ -21,7 +21,7 @@ def one_thread_of_linear_algebra():
 
 @pytest.fixture(scope="session", autouse=True)
 def no_wait_for_the_disk():
-    """No test loses power: thousands of checkpoints need not be on the disk, at milliseconds each, before it goes on."""
+    """No test loses power, and tests write files by the thousand: each waits milliseconds until it is on the disk."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda descriptor: None)
         yield
