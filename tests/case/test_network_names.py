@@ -17,6 +17,7 @@ def test_vessels_beds_and_places_have_readable_names():
         "text": "pressure at the end of PL1, the resistance of the PL1 bed",
         "rows": ["flow at LAD (part 1)"],
     }
+    assert IN_WORDS("pressure at J_heart_outlet:aorta, waveform") == "pressure at the start of the aorta, waveform"
     assert IN_WORDS("loss at branch2_seg1:J7") == "loss at LAD (part 2)"
     assert IN_WORDS("quadratic stenosis at rca6 (loss 0.332)") == "quadratic stenosis at PL1 (loss 0.332)"
 

@@ -3,6 +3,7 @@
 import json
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -206,6 +207,18 @@ def test_a_fault_is_one_line_and_leaves_nothing(here, capsys, content, name, lin
     assert init(name, "--yes") == InputError.EXIT_CODE
     printed = capsys.readouterr().err
     assert line in printed
+    assert printed.count("\n") == 1 and not Path("mine").exists()
+
+
+def test_a_folder_around_the_vessels_is_refused_with_their_name(here, shared, capsys):
+    folder = Path("scan")
+    folder.mkdir()
+    for name in ("lumen.stl", "flows.csv", "._lumen.stl"):
+        (folder / name).write_text("")
+    shutil.copytree(shared / "cases/same-name", folder / "P")
+    assert init("scan", "--yes") == InputError.EXIT_CODE
+    printed = capsys.readouterr().err
+    assert printed.rstrip().endswith("give what in this folder has the vessels: P, lumen.stl")
     assert printed.count("\n") == 1 and not Path("mine").exists()
 
 

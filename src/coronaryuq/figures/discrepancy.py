@@ -74,7 +74,8 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
     colours = colormaps["viridis_r"]
     parents = dict(zip(frame.vessel, frame.parent, strict=True))
     named = {row.vessel: row.named.split("; ") for row in frame.itertuples() if isinstance(row.named, str)}
-    with saved(output, figsize=(7.0, max(2.0, 0.28 * leaves + 1.0))) as (canvas, axes):
+    # As low as the labels allow: print scales a figure to a quarter of a page.
+    with saved(output, figsize=(9.0, max(2.0, 0.14 * leaves + 0.6))) as (canvas, axes):
         for name, (depth, height) in place.items():
             parent = parents[name]
             start = place[parent][1] if isinstance(parent, str) and parent in place else height
@@ -83,7 +84,7 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
             line = {"color": colour, "lw": 3 if known else 1.5, "zorder": 2 if known else 1}
             axes.plot([depth, depth, depth + (1.0 if name in children else 0.8)], [start, height, height], **line)
             if leaves <= 12 or known or name in named:
-                text = axes.text(depth + 0.05, height + 0.12, in_words(name), fontsize=6, va="bottom", zorder=3)
+                text = axes.text(depth + 0.05, height + 0.12, in_words(name), fontsize=7, va="bottom", zorder=3)
                 text.set_path_effects([withStroke(linewidth=2, foreground="white")])
             _mark(axes, name, depth, height, 1.0 if name in children else 0.8, named.get(name, []))
         axes.set_axis_off()
@@ -104,7 +105,7 @@ def _mark(axes, vessel: str, depth: float, height: float, length: float, named: 
             x = depth + (0.5 if own else 1.0) * length
             axes.plot(x, height, "D", ms=5, color=AFTER, mec="white", mew=0.8, zorder=4, clip_on=False)
             offset, align = ((0, -5), ("center", "top")) if own else ((6, 0), ("left", "center"))
-            style = {"fontsize": 6, "color": AFTER, "ha": align[0], "va": align[1], "zorder": 4}
+            style = {"fontsize": 7, "color": AFTER, "ha": align[0], "va": align[1], "zorder": 4}
             text = axes.annotate(", ".join(words), (x, height), offset, textcoords="offset points", **style)
             text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
@@ -126,9 +127,11 @@ def residuals(
     groups = groups[:MOST_PANELS]
     if not groups:
         return _against_measured(frame, output)
-    rows = -(-len(groups) // 2)
-    with saved(output, nrows=rows, ncols=2, figsize=(8.0, 2.3 * rows), squeeze=False) as (_, axes):
-        for axis, ((quantity, location, condition), part) in zip(axes.flat, groups, strict=False):
+    columns = min(3, len(groups))
+    rows = -(-len(groups) // columns)
+    with saved(output, nrows=rows, ncols=columns, figsize=(3.0 * columns, 1.75 * rows), squeeze=False) as (_, axes):
+        for number, ((quantity, location, condition), part) in enumerate(groups):
+            axis = axes.flat[number]
             part = part.assign(phase=part.phase % 1.0).sort_values("phase")
             phase = part.phase.to_numpy()
             scale, unit = shown_in(quantity)
@@ -138,11 +141,12 @@ def residuals(
             axis.plot(phase, part.repaired / scale, color=AFTER, lw=1.2, label=after_label(frame))
             held = "" if bool(part.fitted.all()) else ", held out"
             axis.set_title(f"{quantity} at {in_words(location)}\n{condition}{held}", fontsize=7)
-            axis.set_xlabel("phase of the cycle")
+            if number + columns >= len(groups):
+                axis.set_xlabel("phase of the cycle")
             axis.set_ylabel(unit)
         for axis in axes.flat[len(groups) :]:
             axis.set_axis_off()
-        axes.flat[0].legend(fontsize=6)
+        axes.flat[0].legend(fontsize=7)
 
 
 def after_label(frame: pd.DataFrame) -> str:

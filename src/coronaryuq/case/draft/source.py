@@ -113,7 +113,9 @@ def recognise(path: str | Path, groups: Sequence[str] = ()) -> Source:
             return Source("simvascular", path, tuple(groups))
         if (path / "mesh-complete.exterior.vtp").is_file():
             return Source("mesh", path)
-        raise InputError(path, None, None, EXPECTED)
+        inside = [name.name for name in sorted(path.iterdir()) if _may_have_vessels(name)]
+        hint = f"; give what in this folder has the vessels: {', '.join(inside)}" if inside else ""
+        raise InputError(path, None, None, EXPECTED + hint)
     if not path.is_file():
         raise InputError(path, None, None, f"no such file or folder; {EXPECTED}")
     suffix = path.suffix.lower()
@@ -126,6 +128,15 @@ def recognise(path: str | Path, groups: Sequence[str] = ()) -> Source:
     if suffix in SUFFIXES:
         return Source("surface", path)
     raise InputError(path, None, path.suffix or None, f"unknown file type; {EXPECTED}")
+
+
+def _may_have_vessels(path: Path) -> bool:
+    """Return whether a name in a folder is one to try: a project, a folder of a mesh, a surface or centrelines."""
+    if path.name.startswith("."):
+        return False
+    if path.is_dir():
+        return is_project(path) or (path / "mesh-complete.exterior.vtp").is_file()
+    return path.suffix.lower() in SUFFIXES
 
 
 def _of_polydata(path: Path) -> AnatomyKind:

@@ -9,6 +9,7 @@ from coronaryuq.case.anatomy.tree import Tree, placed_stenoses
 from coronaryuq.case.anatomy.vessel_names import readable_names
 from coronaryuq.case.case_json import CaseOutlet, CaseStenosis
 from coronaryuq.case.network.build import segments
+from coronaryuq.case.network.network import AFTER_HEART
 
 _PART = re.compile(r"(\w+)_seg(\d+)")
 
@@ -71,6 +72,7 @@ class InWords:
 
     def _text(self, text: str) -> str:
         # A place is between two parts of the network: FROM:TO.
+        text = re.sub(rf"\b{AFTER_HEART}:\w+", "the start of the aorta", text)
         text = re.sub(r"\b\w+:(\w+)", lambda found: self._end(found) or found[0], text)
         text = re.sub(r"\b(\w+_seg\d+):\w+", lambda found: self._part(found[1]) or found[0], text)
         return re.sub(r"\b\w+\b", lambda found: self._bed(found[0]) or self._part(found[0]) or found[0], text)
