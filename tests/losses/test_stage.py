@@ -10,6 +10,7 @@ from coronaryuq.core import records
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.core.units import BLOOD_DENSITY
 from coronaryuq.losses.own_losses import for_3d
 from coronaryuq.losses.places import edges, places
 from coronaryuq.losses.stage import learn_losses
@@ -129,3 +130,19 @@ def test_pressures_have_the_names_that_3d_records_give_them():
     named = [place.output for place in places(loop(), MESH, [])]
     connections = ["outlet_lca1:lca1", "lca2:BC_lca2"]
     assert named == [f"mean_pressure:{connection}" for connection in connections]
+
+
+def test_a_vessel_gives_back_no_more_than_the_kinetic_energy_that_enters_it(folder, tmp_path):
+    """FFR along an artery rose above 1 where a quadratic loss was free to fit what other pieces did not."""
+    lines = [json.loads(line) for line in (folder / "runs.jsonl").read_text().splitlines()]
+    name = next(place.output for place in places(loop(), MESH, []) if place.name == "outlet_lca2")
+    for line in lines:
+        line["outputs"][name] = 1.05 * line["outputs"]["aortic_pressure"]
+    (tmp_path / "runs.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    learn(folder, tmp_path / "runs.jsonl", tmp_path)
+    values = read_network(tmp_path / "network.json").vessel_values("lca2")
+    length, inertance = 1.0, 1.0
+    area = BLOOD_DENSITY * length / inertance
+
+    assert values["stenosis_coefficient"] == pytest.approx(-BLOOD_DENSITY / area**2, rel=1e-6)
+    assert values["R_poiseuille"] == pytest.approx(0.0, abs=1e-6)

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.schematic import radius_from_inertance
 from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.records import Record
 from coronaryuq.core.units import MMHG
@@ -42,6 +43,8 @@ class LossLoop:
         Places and pieces of the domain.
     aorta
         0D connection of the aortic pressure.
+    density
+        Of blood, g/cm3.
     runs
         Records of the 3D runs.
 
@@ -50,12 +53,14 @@ class LossLoop:
     own
         Vessel → its own resistance and quadratic coefficient.
     lowest
-        (p,) lower bounds: no piece has a negative resistance.
+        (p,) lower bounds: no piece has a negative resistance, and a quadratic loss gives back no more than the kinetic
+        energy of a developed profile with which blood enters the piece.
     """
 
     def __init__(
-        self, network: Network, compared: Sequence[Place], pieces: Sequence[Edge], aorta: str, runs: Sequence[Record]
-    ):
+        self, network: Network, compared: Sequence[Place], pieces: Sequence[Edge], aorta: str, density: float,
+        runs: Sequence[Record],
+    ):  # fmt: skip
         self.compared, self.pieces, self.count = compared, pieces, len(runs)
         self.engine, self.aorta = Engine(network), f"mean_pressure:{aorta}"
         self.own = {
@@ -75,7 +80,9 @@ class LossLoop:
         plain = self._run({}, 1)
         self.mean_flow = np.array([abs(float(np.mean(plain.values[name]))) for name in self.flow])
         self.quadratic = LARGEST * float(np.mean(plain.values[self.aorta])) / self.mean_flow**2
-        self.lowest = np.concatenate([-np.ones(len(pieces)), np.full(len(pieces), -np.inf)])
+        recovered = np.array([_kinetic(topology, piece.vessels[0], density) for piece in pieces])
+        own = np.array([self._inside(piece, QUADRATIC) for piece in pieces])
+        self.lowest = np.concatenate([-np.ones(len(pieces)), -(own + recovered) / self.quadratic])
 
     def pressures(self, losses: np.ndarray) -> np.ndarray:
         """Return mean pressures over the aortic one, (k, n, m), with standardised losses (k, p), of n runs."""
@@ -146,3 +153,12 @@ class LossLoop:
                 f"the loop does not run with the losses of the 3D runs ({reason}); set losses.runs_3d: 0"
             )
         return result
+
+
+def _kinetic(topology: Topology, vessel: str, density: float) -> float:
+    """Return ρ/A² of a vessel by the area that its inertance implies: kinetic energy over squared flow, dyn s2/cm8.
+
+    Infinite, no bound, where no area is known.
+    """
+    radius = radius_from_inertance(topology, vessel, density)
+    return np.inf if radius is None else density / (np.pi * radius**2) ** 2

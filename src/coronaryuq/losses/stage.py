@@ -54,7 +54,7 @@ def learn_losses(
         raise InputError(records_jsonl, "status", f"{len(runs)} ok", remedy)
     compared = places(network, mesh, case.stenoses)
     pieces = edges(network, mesh, compared)
-    loop = LossLoop(network, compared, pieces, case.aorta.pressure, runs)
+    loop = LossLoop(network, compared, pieces, case.aorta.pressure, case.density, runs)
     measured = [[run.outputs[place.output] / run.outputs["aortic_pressure"] for place in compared] for run in runs]
     fit = fit_losses(loop.pressures, np.array(measured), loop.lowest)
     changed = loop.elements(fit.mean)
