@@ -3,8 +3,9 @@
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
-from coronaryuq.case.network.build import MURRAY_EXPONENT, Bed, Physics, network_from_tree
+from coronaryuq.case.network.build import Bed, Physics, network_from_tree
 from coronaryuq.case.network.network import Network
+from coronaryuq.case.settings import MURRAY_EXPONENT
 
 LEFT, RIGHT = 12, 10
 """Outlets of the left and of the right coronary artery."""

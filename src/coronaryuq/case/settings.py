@@ -8,6 +8,12 @@ Uncertainty = Literal["full", "paper"]
 """What a campaign takes as uncertain: all that is measured, or perfusion and resistances alone, as in the paper."""
 STENOSIS_LOSS = 1.52
 """K_t of Young and Tsai (1973), used by Pfaller et al. (2022), Eq. 7."""
+MURRAY_EXPONENT = 2.6
+"""Exponent of outlet flow as a power of outlet radius (paper, section 2.3; Zhou et al. 1999)."""
+YOUNG, THICKNESS_RATIO = 1.15e7, 0.1
+"""Young's modulus of elastic walls (Gow & Hadfield 1979), dyn/cm2, and their thickness over the radius."""
+CORONARY_SHARE = 0.04
+"""Coronary fraction of cardiac output where it is not a target."""
 
 
 class Settings(BaseModel):
@@ -33,16 +39,18 @@ class Settings(BaseModel):
         "rigid",
         description="Vessel walls: rigid (no capacitance, as in the paper) or elastic (C from E h/r).",
     )
-    young: float = Field(1.15e7, gt=0, description="Young's modulus of elastic walls (Gow & Hadfield 1979), dyn/cm2.")
-    thickness_ratio: float = Field(0.1, gt=0, lt=1, description="Thickness of elastic walls divided by the radius.")
+    young: float = Field(YOUNG, gt=0, description="Young's modulus of elastic walls (Gow & Hadfield 1979), dyn/cm2.")
+    thickness_ratio: float = Field(
+        THICKNESS_RATIO, gt=0, lt=1, description="Thickness of elastic walls divided by the radius."
+    )
     murray_exponent: float = Field(
-        2.6,
+        MURRAY_EXPONENT,
         gt=1,
         lt=4,
         description="Power of the outlet radius to which initial flows are proportional (Zhou et al. 1999).",
     )
     coronary_share: float = Field(
-        0.04,
+        CORONARY_SHARE,
         gt=0,
         lt=0.5,
         description="Coronary fraction of cardiac output for initial resistances, if it is not a target.",

@@ -13,7 +13,8 @@ from coronaryuq.case.case_json import Branch
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.lumen.law import lumen_law
-from coronaryuq.case.network.build import MURRAY_EXPONENT, Physics
+from coronaryuq.case.network.build import Physics
+from coronaryuq.case.settings import MURRAY_EXPONENT
 from coronaryuq.core.seeds import generator
 from coronaryuq.core.units import BLOOD_VISCOSITY
 from coronaryuq.synthetic.anatomy import Anatomy, patient_anatomy

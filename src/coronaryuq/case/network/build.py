@@ -7,13 +7,11 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
 from coronaryuq.case.network.network import HEART_TYPE, Network
-from coronaryuq.case.settings import STENOSIS_LOSS
+from coronaryuq.case.settings import CORONARY_SHARE, MURRAY_EXPONENT, STENOSIS_LOSS, THICKNESS_RATIO, YOUNG
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, MMHG
 
 RADIUS_STEP = 0.1
 """Largest distance (cm) of the radii of a 0D vessel that its entry in the network lists."""
-MURRAY_EXPONENT = 2.6
-"""Exponent of outlet flow as a power of outlet radius (paper, section 2.3; Zhou et al. 1999)."""
 CORONARY_SHARES = {"Ra": 0.32, "Ram": 0.52, "Rv": 0.16}
 """Fractions of a coronary bed's resistance (Kim et al. 2010)."""
 CORONARY_CAPACITANCE = {
@@ -73,12 +71,12 @@ class Physics:
     viscosity: float = BLOOD_VISCOSITY
     stenosis_loss: float = STENOSIS_LOSS
     elastic: bool = False
-    young: float = 1.15e7
-    thickness_ratio: float = 0.1
+    young: float = YOUNG
+    thickness_ratio: float = THICKNESS_RATIO
     murray_exponent: float = MURRAY_EXPONENT
     pressure: float = 93.0 * MMHG
     cardiac_output: float = 5000.0 / 60.0
-    coronary_share: float = 0.04
+    coronary_share: float = CORONARY_SHARE
     period: float = 1.0
     heart: Mapping[str, float] = field(default_factory=lambda: dict(HEART))
 
