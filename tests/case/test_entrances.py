@@ -19,14 +19,14 @@ from coronaryuq.flow3d.mesh.coupling.network_without_mesh import remaining_netwo
 from coronaryuq.zerod.network.read import check_network, read_network
 from coronaryuq.zerod.solver.engine import Engine
 from support.case_files import write_case
-from support.ostium import MIDDLE, OSTIAL, artery, built, entered, entrances, mesh_of, quadratic
+from support.ostium import MIDDLE, OSTIAL, artery, entered, entrances, mesh_of, quadratic
 
 
 @pytest.mark.parametrize("stenosis", [MIDDLE, OSTIAL], ids=["middle", "ostial"])
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_the_first_vessel_of_an_artery_takes_the_kinetic_energy(stenosis, factor):
     tree = artery(stenosis)
-    before, after = built(tree, stenosis), entered(tree, stenosis, factor)
+    before, after = entered(tree, stenosis, 0.0), entered(tree, stenosis, factor)
     bernoulli = factor * BLOOD_DENSITY / (2.0 * (np.pi * 0.16**2) ** 2)
     (first,) = entrances(after)
     assert quadratic(after, first) - quadratic(before, first) == pytest.approx(bernoulli, rel=1e-6)
@@ -54,11 +54,7 @@ def test_the_static_pressure_in_the_artery_falls_by_it():
     assert least < drop < 3.0 * least
 
 
-def test_a_factor_of_zero_leaves_the_network_as_it_is():
-    assert entered(artery(MIDDLE), MIDDLE, 0.0) == built(artery(MIDDLE), MIDDLE)
-
-
-def test_the_case_stage_adds_it_to_the_networks_that_it_builds(small_tree, tmp_path):
+def test_a_setting_of_the_case_stage_changes_it(small_tree, tmp_path):
     path = write_case(tmp_path, small_tree)
     for factor in (0.0, 2.0):
         prepare_case(path, Settings(kinetic_factor=factor), tmp_path / f"case_{factor}")

@@ -4,10 +4,8 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.network.along_tree import vessels_along
-from coronaryuq.case.network.build import Bed, network_from_tree
-from coronaryuq.case.network.entrances import with_entrances
+from coronaryuq.case.network.build import Bed, Physics, network_from_tree
 from coronaryuq.case.network.network import Network
-from coronaryuq.core.units import BLOOD_DENSITY
 from coronaryuq.flow3d.mesh.coupling.cap_connections import connect_caps
 from coronaryuq.flow3d.mesh.description import Face, MeshDescription
 from coronaryuq.flow3d.mesh.generation.build import kept_vessels
@@ -34,13 +32,9 @@ def artery(stenosis: Stenosis) -> Tree:
     )
 
 
-def built(tree: Tree, stenosis: Stenosis) -> Network:
-    return network_from_tree(tree, [Bed("BC_lca1", "lca1", False)], {"BC_RCR1": "aorta_outlet"}, [stenosis])
-
-
 def entered(tree: Tree, stenosis: Stenosis, factor: float = 2.0) -> Network:
-    network = built(tree, stenosis)
-    return with_entrances(network, tree, vessels_along(tree, [stenosis], network), factor, BLOOD_DENSITY)
+    beds, physics = [Bed("BC_lca1", "lca1", False)], Physics(kinetic_factor=factor)
+    return network_from_tree(tree, beds, {"BC_RCR1": "aorta_outlet"}, [stenosis], physics)
 
 
 def entrances(network: Network) -> list[str]:

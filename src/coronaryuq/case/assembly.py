@@ -24,8 +24,7 @@ from coronaryuq.case.lumen.implied import implied_lumen
 from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import with_lumen
 from coronaryuq.case.network.along_tree import vessels_along
-from coronaryuq.case.network.build import Bed, Physics, murray_shares, network_from_tree, segments
-from coronaryuq.case.network.entrances import with_entrances
+from coronaryuq.case.network.build import Bed, Physics, murray_shares, network_from_tree
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.schematic import schematic_tree
 from coronaryuq.case.network.stenoses import case_stenoses
@@ -124,7 +123,6 @@ def assemble(
         assert tree is not None and placed is not None  # a description has an anatomy, a network, or both
         physics = _physics(description, settings, targets, period)
         network = _built_network(path, tree, placed, stenoses, physics)
-        network = with_entrances(network, tree, segments(tree, stenoses), settings.kinetic_factor, description.density)
         topology = closed_loop_tree(network, path)
     else:
         network, topology, unit = own_network
@@ -245,6 +243,7 @@ def _physics(
         density=description.density,
         viscosity=description.blood_viscosity,
         stenosis_loss=settings.stenosis_loss,
+        kinetic_factor=settings.kinetic_factor,
         elastic=settings.walls == "elastic",
         young=settings.young,
         thickness_ratio=settings.thickness_ratio,

@@ -8,6 +8,8 @@ Uncertainty = Literal["full", "paper"]
 """What a campaign takes as uncertain: all that is measured, or perfusion and resistances alone, as in the paper."""
 STENOSIS_LOSS = 1.52
 """K_t of Young and Tsai (1973), used by Pfaller et al. (2022), Eq. 7."""
+KINETIC_FACTOR = 2.0
+"""Kinetic energy of a developed velocity profile over that of a flat one with the same flow."""
 MURRAY_EXPONENT = 2.6
 """Exponent of outlet flow as a power of outlet radius (paper, section 2.3; Zhou et al. 1999)."""
 YOUNG, THICKNESS_RATIO = 1.15e7, 0.1
@@ -29,7 +31,7 @@ class Settings(BaseModel):
         "anatomy: 1.52 as published; 1.0 agrees better with 3D flow in smooth, cosine-shaped narrowings.",
     )
     kinetic_factor: float = Field(
-        2.0,
+        KINETIC_FACTOR,
         ge=0,
         le=3,
         description="α of the pressure α ρ v̄²/2 that speeds the blood up where an artery leaves the aorta: 2 for a "

@@ -6,8 +6,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
-from coronaryuq.case.network.network import HEART_TYPE, Network
-from coronaryuq.case.settings import CORONARY_SHARE, MURRAY_EXPONENT, STENOSIS_LOSS, THICKNESS_RATIO, YOUNG
+from coronaryuq.case.network.entrances import kinetic_coefficient
+from coronaryuq.case.network.network import ENTRANCE, HEART_TYPE, Network
+from coronaryuq.case.settings import (
+    CORONARY_SHARE,
+    KINETIC_FACTOR,
+    MURRAY_EXPONENT,
+    STENOSIS_LOSS,
+    THICKNESS_RATIO,
+    YOUNG,
+)
 from coronaryuq.core.units import BLOOD_DENSITY, BLOOD_VISCOSITY, MMHG
 
 RADIUS_STEP = 0.1
@@ -63,6 +71,7 @@ class Bed:
 class Physics:
     """Parameters of the rules other than the tree; defaults are the paper's blood, rigid walls and resting flow.
 
+    kinetic_factor: α of the pressure α ρ v̄²/2 that speeds the blood up where an artery leaves the aorta.
     elastic: give vessels C = 3 π L r̄³ / (2 E h) with h = thickness_ratio · r̄; rigid walls have C = 0 (paper, 2.2).
     pressure (dyn/cm2), cardiac_output (mL/s), coronary_share: the resting state that initial resistances produce.
     """
@@ -70,6 +79,7 @@ class Physics:
     density: float = BLOOD_DENSITY
     viscosity: float = BLOOD_VISCOSITY
     stenosis_loss: float = STENOSIS_LOSS
+    kinetic_factor: float = KINETIC_FACTOR
     elastic: bool = False
     young: float = YOUNG
     thickness_ratio: float = THICKNESS_RATIO
@@ -233,6 +243,11 @@ def network_from_tree(
             stenosis = by_name[part.stenosis]
             healthy = float(tree[part.vessel].radius_at(part.start))
             values["stenosis_coefficient"] = stenosis_coefficient(area_ratio(tree, stenosis), healthy, physics)
+        entrance = 0.0
+        if physics.kinetic_factor and tree.ostial(tree[part.vessel]) and part is _first(parts, part):
+            added = kinetic_coefficient(tree, part.vessel, physics.kinetic_factor, physics.density)
+            values["stenosis_coefficient"] += added
+            entrance = added / values["stenosis_coefficient"]
         block: dict = {
             "vessel_id": number[part.name],
             "vessel_name": part.name,
@@ -241,6 +256,8 @@ def network_from_tree(
             "zero_d_element_values": values,
             "radii": _even_radii(tree[part.vessel].between(part.start, part.end)),
         }
+        if entrance:
+            block[ENTRANCE] = entrance
         if part.vessel in at_end and _is_last(parts, part):
             block["boundary_conditions"] = {"outlet": at_end[part.vessel]}
         vessels.append(block)
@@ -284,6 +301,10 @@ def _even_radii(vessel: Vessel) -> list[float]:
     count = max(2, int(np.ceil(vessel.length / RADIUS_STEP)) + 1)
     radii = np.interp(np.linspace(0.0, vessel.length, count), vessel.arc - vessel.arc[0], vessel.radii)
     return [float(f"{radius:.5g}") for radius in radii]
+
+
+def _first(parts: Sequence[Segment], part: Segment) -> Segment:
+    return next(p for p in parts if p.vessel == part.vessel)
 
 
 def _is_last(parts: Sequence[Segment], part: Segment) -> bool:
