@@ -23,7 +23,8 @@ def test_the_synthetic_loop_has_the_size_of_the_real_one_and_physiological_press
     graph = closed_loop_tree(network, "synthetic loop")
     assert len(network["vessels"]) == 50
     assert sum("Coronary" in kind for kind in map(graph.kind, graph.blocks)) == 22
-    assert sum(v["zero_d_element_values"]["stenosis_coefficient"] > 0 for v in network["vessels"]) == 3
+    lossy = [v for v in network["vessels"] if v["zero_d_element_values"]["stenosis_coefficient"] > 0]
+    assert sum(v.get("entrance", 0.0) < 1.0 for v in lossy) == 3
     pressure = "mean_pressure:J_heart_outlet:aorta"
     result = Engine(network).run_cycles(quantities=[pressure], cycles=12, steps_per_cycle=200)
     assert result.ok[0] and 40 < result.values[pressure][0] / 1333.22 < 180

@@ -97,7 +97,7 @@ def test_the_headers_unit_counts(tmp_path, length_unit):
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_faint_background_is_not_the_wall(tmp_path, name):
     WRITERS[name](tmp_path / name, np.where(shell() > 0, shell(), 0.001))
-    with pytest.raises(InputError, match=r"perfusion\.threshold: \d+% of the map is below 0\.2 mL/min/g.*give.*label"):
+    with pytest.raises(InputError, match=r"perfusion\.threshold: \d+ % of the map is below 0\.2 mL/min/g.*give.*label"):
         read(tmp_path, name)
     whole = read(tmp_path, name, threshold=1.0)
     assert whole.volume == pytest.approx((shell() > 0).sum() * (SPACING / 10) ** 3, rel=1e-6)
