@@ -28,7 +28,7 @@ from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
 from support.case_files import write_case_json
 
-SETTINGS = Settings(steps_per_cycle=300, max_cycles=3, wall_samples_per_cycle=50)
+SETTINGS = Settings(steps_per_cycle=300, min_cycles=3, max_cycles=3, wall_samples_per_cycle=50)
 
 
 def loop():
@@ -120,7 +120,7 @@ def test_every_sample_has_a_record_with_all_outputs(rows):
 
 @pytest.mark.slow
 def test_a_record_keeps_the_quantities_of_the_cycles_before_the_last(campaign, rows):
-    (short,) = run(campaign, 0, 1, SETTINGS.model_copy(update={"max_cycles": 2}))
+    (short,) = run(campaign, 0, 1, SETTINGS.model_copy(update={"min_cycles": 2, "max_cycles": 2}))
     earlier = rows[0].diagnostics["earlier_cycles"]
     assert len(earlier["ffr_lad"]) == rows[0].cost["cycles"] - 1 == 2
     assert short.diagnostics["earlier_cycles"] == {name: [first] for name, (first, _) in earlier.items()}
