@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+from support.case_files import small_tree, write_case
 from support.checkout import ROOT
 
 pytestmark = [pytest.mark.workflow, pytest.mark.slow]
@@ -70,15 +71,19 @@ def test_the_package_comes_from_the_wheel(program, tmp_path):
 
 
 def test_a_campaign_runs_in_an_empty_folder(program, tmp_path):
-    done = run(program, tmp_path, "run", "smoke", "results/smoke/case/case.json")
+    planned = run(program, tmp_path, "run", "smoke", "--dry-run")
+    assert planned.returncode == 0 and "bundled_patient" in planned.stdout + planned.stderr, planned.stderr
+    write_case(tmp_path / "given", small_tree())
+    (tmp_path / "mine.yaml").write_text("name: mine\ncase: given/case.yaml\n")
+    done = run(program, tmp_path, "run", "mine.yaml", "results/mine/case/case.json")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert (tmp_path / "results/smoke/case/case.json").is_file()
-    assert str(ROOT) not in (tmp_path / "results/smoke/provenance/case.json").read_text()
-    checked = run(program, tmp_path, "check", "results/smoke/patient/case.yaml")
+    assert (tmp_path / "results/mine/case/case.json").is_file()
+    assert str(ROOT) not in (tmp_path / "results/mine/provenance/case.json").read_text()
+    checked = run(program, tmp_path, "check", "given/case.yaml")
     assert checked.returncode == 0, checked.stdout + checked.stderr
-    explained = run(program, tmp_path, "explain", "results/smoke/case/case.json")
+    explained = run(program, tmp_path, "explain", "results/mine/case/case.json")
     assert explained.returncode == 0 and str(program.parents[1]) in explained.stdout
-    assert run(program, tmp_path, "verify", "results/smoke").returncode == 0
+    assert run(program, tmp_path, "verify", "results/mine").returncode == 0
 
 
 def test_unknown_configurations_are_one_line(program, tmp_path):

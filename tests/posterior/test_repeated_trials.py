@@ -66,7 +66,10 @@ class Toy:
         return np.concatenate([np.log(chains.kept_multipliers), z], axis=2)
 
 
-@pytest.fixture(scope="module", params=[(Shared, 3), (Narrowed, 2)], ids=["shared", "narrowed"])
+SHARED = pytest.param((Shared, 3), id="shared", marks=pytest.mark.long)
+
+
+@pytest.fixture(scope="module", params=[SHARED, pytest.param((Narrowed, 2), id="narrowed")])
 def toy(request):
     return Toy(*request.param)
 

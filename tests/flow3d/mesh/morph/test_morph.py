@@ -21,6 +21,7 @@ from coronaryuq.flow3d.mesh.stage import mesh_tree
 from support.loops import LENGTH, RADIUS, uncertain
 from support.random_trees import network_of, random_tree
 
+LARGER = [pytest.param(seed, 3, marks=pytest.mark.long) for seed in (1, 3)]
 ERROR = LumenError(unit="mm", common_sd=0.1, local_sd=0.2, narrow=0.5)
 coordinates = st.lists(st.floats(-2.5, 2.5), min_size=8, max_size=8)
 
@@ -91,9 +92,11 @@ def test_a_draw_that_closes_the_lumen_is_refused(narrowed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.long), 3])
-def test_forks_grow_and_shrink_as_a_whole_and_walls_lie_on_the_drawn_tubes(seed, coarse, tmp_path):
-    tree, stenoses = random_tree(seed)
+@pytest.mark.parametrize(
+    ("seed", "generations"), [(3, 2), *(pytest.param(seed, 3, marks=pytest.mark.long) for seed in (1, 3))]
+)
+def test_forks_grow_and_shrink_as_a_whole_and_walls_lie_on_the_drawn_tubes(seed, generations, coarse, tmp_path):
+    tree, stenoses = random_tree(seed, generations)
     network = network_of(tree, stenoses)
     description = mesh_tree(tree, stenoses, network, coarse, tmp_path)
     domain = read_domain(tmp_path / "mesh-complete", tmp_path / "mesh.json")
