@@ -110,7 +110,7 @@ def test_quantiles_that_rest_on_few_runs_carry_a_warning(card):
     both = {end: value(0.8, warning=few) for end in ("0.95", "0.05")}
     told = (
         "The ends of this range are rough: of the 5 % and 95 % quantiles, each rests on about 5 of 104 runs; its "
-        "interval was tested with 10 or more. More 3D runs would settle them."
+        "interval was tested with 10 or more. More 3D runs would make them sharper."
     )
     assert card(quantiles=both | {"0.50": value(0.8)})["rare"] == told
     assert card(quantiles={"0.05": value(0.7, warning=few)})["rare"].startswith(
@@ -133,15 +133,15 @@ def test_the_patient_has_the_median_and_the_90_percent_range_over_draws(card):
         (
             0.004,
             {"runs_3d": 1.0},
-            "More simulations would not: the numerical error of the mean is ± 0.004 (not measured",
+            "More simulations would not decide it: the numerical error of the mean is ± 0.004 (not measured",
         ),
         (
             0.06,
             {"runs_3d": 1.0},
-            "More simulations could: the numerical error of the mean, mostly of 3D runs, is ± 0.060",
+            "More simulations could decide it: the numerical error of the mean, mostly of 3D runs, is ± 0.060",
         ),
-        (0.06, {"runs_3d": 0.1, "mesh": 0.9}, "A finer mesh and shorter time steps could: "),
-        (0.004, {"runs_3d": 0.1, "mesh": 0.9}, "Neither more simulations nor a finer mesh would: "),
+        (0.06, {"runs_3d": 0.1, "mesh": 0.9}, "A finer mesh and shorter time steps could decide it: "),
+        (0.004, {"runs_3d": 0.1, "mesh": 0.9}, "Neither more simulations nor a finer mesh would decide it: "),
     ],
 )
 def test_what_would_help_is_the_source_whose_error_reaches_the_next_verdict(card, half_width, sources, words):
@@ -155,7 +155,7 @@ def test_a_verdict_changes_where_a_tenth_of_the_states_lies_on_the_other_side(ca
     high = card(zones=zones(0.02, 0.01, 0.03), quantiles=quantiles(0.81, 0.87, 0.9))["change"][0]
     assert high == (
         "If FFR were lower by about 0.03 in every state, for instance because the lumen was drawn too wide, it would "
-        "be open; by 0.07, the median would lie at 0.80."
+        "be undecided; by 0.07, the median would lie at 0.80."
     ), "a tenth lies below 0.832, between 0.81 and 0.87 on normal scores"
     low = card(zones=zones(0.98, 0.97, 0.99), quantiles=quantiles(0.6, 0.7, 0.78))["change"][0]
     assert low.startswith("If FFR were higher by about 0.05") and "too narrow" in low
@@ -166,8 +166,10 @@ def test_an_open_verdict_is_settled_by_neither_a_small_shift_nor_a_small_numeric
     small = estimator(mean=0.8, calibrated=Interval(0.79, 0.81, 0.95), variance={"mesh": 1.0})
     told = card({"ffr": small}, zones=zones(0.5, 0.45, 0.55), quantiles=quantiles(0.72, 0.8, 0.87))
     assert told["open"] and told["change"][0].startswith("FFR higher by about 0.05 in every state")
-    assert told["change"][0].endswith("lower by about 0.04, flow-limiting.")
-    assert told["change"][-1].startswith("Neither more simulations nor a finer mesh would: ")
+    assert told["change"][0].endswith("FFR lower by about 0.04 in every state would make it very likely flow-limiting.")
+    wide = card({"ffr": small}, zones=zones(0.5, 0.45, 0.55), quantiles=quantiles(0.45, 0.8, 0.97))
+    assert wide["change"][0].startswith("FFR lower by"), "a shift that takes the median above 1 is none"
+    assert told["change"][-1].startswith("Neither more simulations nor a finer mesh would decide it: ")
 
 
 def test_where_ffr_is_read_is_compared_with_what_experts_advise(card):

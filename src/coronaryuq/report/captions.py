@@ -129,7 +129,7 @@ CAPTIONS = {
         "Variance against budget",
         "Above: variance of the mean of FFR that a budget would reach, in the cost of 3D runs; below: the cost of a "
         "smaller variance than now, which falls to the right.",
-        "The curve of the recommended estimator lies lowest.",
+        "The curve of the recommended estimator lies lowest, or close to the lowest.",
         "All curves flat: the propagation sample or the chains limit the error.",
         "Make these longer before adding 3D runs.",
     ),

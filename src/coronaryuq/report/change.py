@@ -55,14 +55,15 @@ def _shift(quantiles: Mapping[str, Value], below: Probability, limit: float) -> 
     limits = verdict_of(below)
     if limits is None:
         up, down = max(limit - low, 0.0), max(high - limit, 0.0)
-        return (
-            f"FFR {_by('higher', up)} in every state, for instance because the lumen was drawn too narrow, would "
-            f"make it very likely not flow-limiting; {_by('lower', down)}, flow-limiting."
-        ), min(up, down)
+        lower = f"FFR {_by('lower', down)} in every state would make it very likely flow-limiting."
+        if median + up > 1.0:  # no lumen has an FFR above 1
+            return lower, down
+        higher = f"FFR {_by('higher', up)} in every state, as with a lumen drawn too narrow, would make it very likely "
+        return f"{higher}not flow-limiting. {lower}", min(up, down)
     side, drawn, margin = ("higher", "narrow", limit - high) if limits else ("lower", "wide", low - limit)
     return (
         f"If FFR were {_by(side, margin)} in every state, for instance because the lumen was drawn too {drawn}, "
-        f"it would be open; by {abs(median - limit):.2f}, the median would lie at {limit:.2f}."
+        f"it would be undecided; by {abs(median - limit):.2f}, the median would lie at {limit:.2f}."
     ), max(margin, 0.0)
 
 
@@ -84,9 +85,9 @@ def _numerics(estimate: EstimatorReport, margin: float) -> str:
     better = "A finer mesh and shorter time steps" if numerical > statistical else "More simulations"
     if reach < margin:
         better = "Neither more simulations nor a finer mesh" if numerical else "More simulations"
-        words = f"{better} {'would' if numerical else 'would not'}: the numerical error of the mean is "
+        words = f"{better} {'would' if numerical else 'would not'} decide it: the numerical error of the mean is "
     else:
-        words = f"{better} could: the numerical error of the mean, mostly of {_mostly(estimate)}, is "
+        words = f"{better} could decide it: the numerical error of the mean, mostly of {_mostly(estimate)}, is "
     missing = error_budget(estimate)["missing"]
     return f"{words}± {reach:.{FFR_DECIMALS}f}{f' ({missing})' if missing else ''}."
 

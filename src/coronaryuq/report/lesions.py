@@ -130,9 +130,9 @@ def _rare(quantiles: Mapping[str, Value]) -> str:
     warning = quantiles[warned[0]].warning
     alike = [f"{100 * float(end):.0f} %" for end in warned if quantiles[end].warning == warning]
     if len(alike) == 1:
-        return f"One end of this range is rough: the {alike[0]} quantile {warning}. More 3D runs would settle it."
+        return f"One end of this range is rough: the {alike[0]} quantile {warning}. More 3D runs would make it sharper."
     ends = f"{', '.join(alike[:-1])} and {alike[-1]} quantiles"
-    return f"The ends of this range are rough: of the {ends}, each {warning}. More 3D runs would settle them."
+    return f"The ends of this range are rough: of the {ends}, each {warning}. More 3D runs would make them sharper."
 
 
 def _drivers(effects: Mapping[str, Value], inputs: Mapping[str, str], shown: int = 3) -> list[dict]:
@@ -163,7 +163,8 @@ def _verdict(name: str, zones: Sequence[Probability]) -> dict:
     if limits is False:
         verdict = f"The {name} stenosis very likely does not limit blood flow"
         return {"class": "good", "badge": "very likely not flow-limiting", "verdict": verdict}
-    return {"class": "warn", "badge": "open", "verdict": f"Whether the {name} stenosis limits blood flow remains open"}
+    verdict = f"It is undecided whether the {name} stenosis limits blood flow"
+    return {"class": "warn", "badge": "undecided", "verdict": verdict}
 
 
 def _sentence(verdict: str, patient: dict, zones: Sequence[Probability], percent: Percent) -> str:
