@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.case.lumen.profiles import Lumen
-from coronaryuq.case.network.entrances import QUADRATIC
 from coronaryuq.flow3d.mesh.description import MeshDescription
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.morph.morph import Morph
 from coronaryuq.flow3d.mesh.read_mesh import Domain
+
+QUADRATIC = "stenosis_coefficient"
 
 
 @dataclass(frozen=True)

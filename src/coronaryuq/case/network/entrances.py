@@ -12,8 +12,6 @@ import numpy as np
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.network.network import ENTRANCE, Network
 
-QUADRATIC = "stenosis_coefficient"
-
 
 def kinetic_coefficient(tree: Tree, vessel: str, kinetic_factor: float, density: float) -> float:
     """Compute S of ΔP = S |Q| Q, the pressure that the blood takes to enter an artery: α ρ / (2 A²), dyn s2/cm8.
