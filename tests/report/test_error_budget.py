@@ -12,9 +12,14 @@ def test_parts_of_the_bar_add_up_and_unmeasured_sources_are_named():
     assert found["words"] == (
         "3D runs 40 %, 0D propagation 20 %, posterior chains 40 %; not measured: mesh, time step and cycles"
     )
+    assert found["left_out"] == (
+        "Range and probabilities leave out the error of mesh, time step and cycles, which was not measured."
+    )
 
 
 def test_measured_numerical_errors_are_included():
     variance = dict.fromkeys(("runs_3d", "propagation", "chain", "mesh", "time_step", "cycles"), 1e-4)
-    text = includes([replace(estimator(), variance=variance)])
+    measured = replace(estimator(), variance=variance)
+    assert not error_budget(measured)["left_out"]
+    text = includes([measured])
     assert text == ("It includes the errors of 3D runs, 0D propagation, posterior chains, mesh, time step and cycles.")

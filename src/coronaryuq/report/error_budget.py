@@ -16,7 +16,11 @@ WORDS = {
 
 
 def error_budget(estimate: EstimatorReport) -> dict:
-    """Return the bar of an estimate: `parts` (name, class, percent of the variance), `words`, and what is `missing`."""
+    """Return the bar of an estimate.
+
+    Its `parts` (name, class, percent of the variance), `words`, what is `missing`, and `left_out`: what the distribution
+    over states does not include therefore.
+    """
     total = sum(estimate.variance.values())
     percent = {name: 100 * estimate.variance[name] / total for name in SOURCES if name in estimate.variance and total}
     parts = [
@@ -25,7 +29,12 @@ def error_budget(estimate: EstimatorReport) -> dict:
     ]
     listed = ", ".join(f"{WORDS[name]} {part:.0f} %" for name, part in percent.items())
     missing = _missing(estimate.variance)
-    return {"parts": parts, "words": f"{listed}{missing}", "missing": missing.removeprefix("; ")}
+    return {
+        "parts": parts,
+        "words": f"{listed}{missing}",
+        "missing": missing.removeprefix("; "),
+        "left_out": _left_out(estimate.variance),
+    }
 
 
 def includes(estimates: Sequence[EstimatorReport]) -> str:
@@ -36,8 +45,19 @@ def includes(estimates: Sequence[EstimatorReport]) -> str:
 
 
 def _missing(variance: Mapping[str, float]) -> str:
-    missing = [WORDS[name] for name in NUMERICAL if name not in variance]
+    missing = _unmeasured(variance)
     return f"; not measured: {_joined(missing)}" if missing else ""
+
+
+def _left_out(variance: Mapping[str, float]) -> str:
+    missing = _unmeasured(variance)
+    if not missing:
+        return ""
+    return f"Range and probabilities leave out the error of {_joined(missing)}, which was not measured."
+
+
+def _unmeasured(variance: Mapping[str, float]) -> list[str]:
+    return [WORDS[name] for name in NUMERICAL if name not in variance]
 
 
 def _joined(names: Sequence[str]) -> str:
