@@ -12,9 +12,7 @@ def test_parts_of_the_bar_add_up_and_unmeasured_sources_are_named():
     assert found["words"] == (
         "3D runs 40 %, 0D propagation 20 %, posterior chains 40 %; not measured: mesh, time step and cycles"
     )
-    assert found["left_out"] == (
-        "Range and probabilities leave out the error of mesh, time step and cycles, which was not measured."
-    )
+    assert found["left_out"] == "Not measured, so in none of these numbers: mesh, time step and cycles."
 
 
 def test_measured_numerical_errors_are_included():

@@ -133,7 +133,7 @@ def test_the_patient_has_the_median_and_the_90_percent_range_over_draws(card):
         (
             0.004,
             {"runs_3d": 1.0},
-            "More simulations would not decide it: the numerical error of the mean is ± 0.004 (not measured",
+            "More simulations would not decide it: the numerical error of the mean is ± 0.004.",
         ),
         (
             0.06,

@@ -63,7 +63,13 @@ def test_numbers_that_appear_twice_agree(results):
     total, *parts = re.search(
         r"0D runs: (\d+) \((\d+) at the inputs of 3D runs (\d+) for propagation (\d+)", text
     ).groups()
-    assert int(total) == sum(map(int, parts))
+    assert int(total) == sum(map(int, parts)) and int(parts[-1]) == len(read_csv(results / "estimation/resampled.csv"))
+    rows, of_folds, of_all = map(
+        int, re.search(r"each of its (\d+) quantities (\d+) at .* and (\d+) of the fit", text).groups()
+    )
+    trained = table.xs("MFMC-AE", level="estimator")
+    assert (trained["n_0d"] - trained["n_3d"] == of_folds).all()
+    assert len(trained) == rows and rows * (of_folds + of_all) == int(parts[-1])
 
 
 def test_flows_of_the_posterior_are_the_patients(results):

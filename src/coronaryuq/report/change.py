@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from coronaryuq.estimation.results import NUMERICAL, STATISTICAL, EstimatorReport, Probability, RowReport, Value
-from coronaryuq.report.error_budget import WORDS, error_budget
+from coronaryuq.report.error_budget import WORDS
 from coronaryuq.report.improve import improve_first, numerical_share
 from coronaryuq.report.quantities import FFR_DECIMALS
 
@@ -88,8 +88,7 @@ def _numerics(estimate: EstimatorReport, margin: float) -> str:
         words = f"{better} {'would' if numerical else 'would not'} decide it: the numerical error of the mean is "
     else:
         words = f"{better} could decide it: the numerical error of the mean, mostly of {_mostly(estimate)}, is "
-    missing = error_budget(estimate)["missing"]
-    return f"{words}± {reach:.{FFR_DECIMALS}f}{f' ({missing})' if missing else ''}."
+    return f"{words}± {reach:.{FFR_DECIMALS}f}."
 
 
 def _mostly(estimate: EstimatorReport) -> str:

@@ -18,8 +18,8 @@ WORDS = {
 def error_budget(estimate: EstimatorReport) -> dict:
     """Return the bar of an estimate.
 
-    Its `parts` (name, class, percent of the variance), `words`, what is `missing`, and `left_out`: what the distribution
-    over states does not include therefore.
+    Its `parts` (name, class, percent of the variance), `words`, and `left_out`, a sentence on what neither it nor the
+    distribution over states includes.
     """
     total = sum(estimate.variance.values())
     percent = {name: 100 * estimate.variance[name] / total for name in SOURCES if name in estimate.variance and total}
@@ -32,7 +32,6 @@ def error_budget(estimate: EstimatorReport) -> dict:
     return {
         "parts": parts,
         "words": f"{listed}{missing}",
-        "missing": missing.removeprefix("; "),
         "left_out": _left_out(estimate.variance),
     }
 
@@ -53,7 +52,7 @@ def _left_out(variance: Mapping[str, float]) -> str:
     missing = _unmeasured(variance)
     if not missing:
         return ""
-    return f"Range and probabilities leave out the error of {_joined(missing)}, which was not measured."
+    return f"Not measured, so in none of these numbers: {_joined(missing)}."
 
 
 def _unmeasured(variance: Mapping[str, float]) -> list[str]:

@@ -14,7 +14,7 @@ from coronaryuq.case.network.network_names import InWords
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.io.tables import read_csv
-from coronaryuq.estimation.results import RowReport, read_estimates
+from coronaryuq.estimation.results import EstimatorReport, RowReport, read_estimates
 from coronaryuq.flow3d.mesh.description import MeshDescription, read_description
 from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets
 from coronaryuq.posterior.results import Summary, read_summary
@@ -169,10 +169,22 @@ def _counts(failures: dict, rows: list[RowReport], curve_nodes: int, posterior_r
         "n_0d": f"{zerod['runs'] + resampled:,}",
         "n_posterior": f"{posterior_runs:,}",
         "n_0d_parts": f"{zerod['runs'] - propagation:,} at the inputs of 3D runs, {propagation:,} for propagation"
-        + (f", {resampled:,} for MFMC-AE" if resampled else ""),
+        + (f", {resampled:,} for MFMC-AE{_of_each(trained, curve_nodes)}" if resampled else ""),
         "note": f"Average cost, without the start of its job: {per_3d:.1f} CPU-s for a 3D run and {per_0d:.4f} CPU-s "
         f"for a 0D run, a ratio of {per_3d / max(per_0d, 1e-12):.0f}.",
     }
+
+
+def _of_each(trained: list[EstimatorReport], curve_nodes: int) -> str:
+    """Return how the 0D runs of MFMC-AE come from those of its lines in the table."""
+    own = {estimate.n_0d - estimate.n_3d for estimate in trained}
+    if len(own) > 1:
+        return ""
+    (of_folds,) = own
+    return (
+        f": for each of its {len(trained)} quantities {of_folds} at the inputs that its folds pair, as in the table, "
+        f"and {curve_nodes} of the fit to all runs, for its in-sample ρ"
+    )
 
 
 def _fit(fit, summary: Summary) -> dict:
