@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from coronaryuq.core.importance_weights import good_enough, pareto_smoothed
 from coronaryuq.core.io.atomic import replacing
 from coronaryuq.core.seeds import generator
 from coronaryuq.posterior.model.likelihood import Likelihood
@@ -19,7 +20,7 @@ from coronaryuq.posterior.results import (
     ReferenceShares,
     Summary,
 )
-from coronaryuq.posterior.sampler.diagnostics import diagnose, good_enough, pareto_smoothed
+from coronaryuq.posterior.sampler.diagnostics import diagnose
 from coronaryuq.posterior.settings import Settings
 from coronaryuq.zerod.network.beds import SCALING
 

@@ -24,6 +24,8 @@ from coronaryuq.bench.discrepancy.cases import (
     open_loop_cases,
     set_aside_cases,
 )
+from coronaryuq.bench.discrepancy.evidence import evidence_trial
+from coronaryuq.bench.discrepancy.evidence import summary as evidence_summary
 from coronaryuq.bench.discrepancy.hidden_cases import BenchmarkExperiment, closed_loop, open_loop
 from coronaryuq.bench.discrepancy.loop import EFFECTS as PREDICTED
 from coronaryuq.bench.discrepancy.loop import predictions
@@ -49,7 +51,9 @@ SPREADS = {
     "beds": "resistance and compliance of each bed, other nuisance parameters in proportion to their priors",
     "states": "coronary resistance of each condition",
 }
-NOT_IN_3D = ("network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside", "rivals", "loop")
+NOT_IN_3D = (
+    "network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside", "rivals", "evidence", "loop",
+)  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -87,6 +91,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set-aside", metavar="FILE", help="run only the effects and seeds of this file")
     parser.add_argument("--effects", nargs="+", metavar="CELL", help="labels of the cells to run (default: all)")
     parser.add_argument("--rivals", action="store_true", help="let other methods answer in place of the search")
+    parser.add_argument(
+        "--evidence", action="store_true", help="compare the evidence of each answer with that by importance sampling"
+    )
     parser.add_argument(
         "--loop",
         action="store_true",
@@ -152,6 +159,8 @@ class Options:
         File of the effects and seeds to run only, see `set_aside_cases`.
     rivals
         Other methods answer, see `rivals.compare`.
+    evidence
+        Compute the evidence of each answer by importance sampling, too, see `evidence`, in place of the scores.
     loop
         Predict with what the search finds, see `loop`, in place of the cases.
     """
@@ -175,6 +184,7 @@ class Options:
     states: float | None = None
     set_aside: str | None = None
     rivals: bool = False
+    evidence: bool = False
     loop: bool = False
 
     def drawn(self) -> Nature:
@@ -212,7 +222,7 @@ def run(**options: Any) -> dict:
     -------
     dict
         Cells, totals and confusion matrix of `score`, and the scored `cases`; with `rivals` their outcomes by group in
-        place of these.
+        place of these, with `evidence` how far it differs.
 
     Raises
     ------
@@ -240,7 +250,9 @@ def run(**options: Any) -> dict:
         nature, selected = chosen.drawn(), chosen.cases()
         stated = nature.stated() | {"violated": {"vessels": VIOLATED_VESSELS, "each bed": VIOLATED_BEDS}}
         answering = partial(trial, experiment=experiment, nature=nature, threads=chosen.threads)
-        if chosen.rivals:
+        if chosen.evidence:
+            answering = partial(evidence_trial, experiment=experiment, nature=nature, threads=chosen.threads)
+        elif chosen.rivals:
             rivals = every_rival(experiment, nature, QUICK_SUBJECTS if chosen.quick else SUBJECTS)
             stated |= {"rivals": [rival.name for rival in rivals]}
             answering = partial(
@@ -255,8 +267,13 @@ def run(**options: Any) -> dict:
             print(json.dumps(scored_cases[-1], default=float), file=sys.stderr, flush=True)
         if time.process_time() - start > limit:
             break
-    summary = {"outcomes": outcomes(scored_cases)} if chosen.rivals else score(scored_cases)
-    return {"quick": chosen.quick, "nature": stated, **summary, "cases": scored_cases}
+    return {"quick": chosen.quick, "nature": stated, **_summary(chosen, scored_cases), "cases": scored_cases}
+
+
+def _summary(chosen: Options, cases: list[dict]) -> dict:
+    if chosen.evidence:
+        return {"evidence": evidence_summary(cases)}
+    return {"outcomes": outcomes(cases)} if chosen.rivals else score(cases)
 
 
 def _trials(

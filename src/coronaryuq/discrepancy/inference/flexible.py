@@ -82,9 +82,9 @@ class Posterior:
         """Most probable amplitude of something else."""
         return float(AMPLITUDES[int(np.argmax(self.log_evidence + UNKNOWN))])
 
-    def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return mean (p,) and covariance (p, p) of z, averaged over the amplitudes of a right model."""
-        weights = np.exp(self.log_evidence + RIGHT - self.right)
+    def moments(self, prior: np.ndarray = RIGHT) -> tuple[np.ndarray, np.ndarray]:
+        """Return mean (p,) and covariance (p, p) of z, averaged over the amplitudes, by default of a right model."""
+        weights = np.exp(self.log_evidence + prior - logsumexp(self.log_evidence + prior))
         mean = weights @ self.mean
         moved = self.mean - mean
         within = np.einsum("t,tij->ij", weights, self.covariance)

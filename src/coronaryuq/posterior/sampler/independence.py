@@ -5,12 +5,12 @@ from functools import partial
 
 import numpy as np
 
+from coronaryuq.core.importance_weights import good_enough, pareto_smoothed
 from coronaryuq.core.seeds import generator
 from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.linearised import Linearised
 from coronaryuq.posterior.model.total_resistance import Rescaled
-from coronaryuq.posterior.sampler.diagnostics import good_enough, pareto_smoothed
 from coronaryuq.posterior.sampler.dream import Dream, Map, State, Target
 from coronaryuq.posterior.sampler.exploration import EXPLORED, Walk, explore
 from coronaryuq.posterior.settings import Settings
