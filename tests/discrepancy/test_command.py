@@ -52,6 +52,15 @@ def test_only_one_kind_of_input_is_accepted(tmp_path, words, text):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "text"), [(("f",), "at least one animal"), (("f", "A", "B", "A"), "= 'A': is named twice")]
+)
+def test_recordings_need_animals_each_named_once(tmp_path, words, text):
+    with pytest.raises(InputError, match=text):
+        command.main(arguments("--recordings", *words, "--out", tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
 def test_the_noise_of_pairs_cannot_be_set(tmp_path):
     with pytest.raises(InputError, match="--noise = 'stated': only applies to waveforms; --pairs has none"):
         command.main(arguments("--pairs", "a", "b", "--noise", "stated", "--out", tmp_path / "out"))

@@ -13,6 +13,7 @@ from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.result import write
 from coronaryuq.discrepancy.result.summary_text import write_paragraph
 from coronaryuq.discrepancy.search_case import search_case
+from coronaryuq.discrepancy.search_recordings import search_recordings
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.table_model.search import discover_pairs
 
@@ -33,9 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--recordings",
-        nargs=2,
+        nargs="+",
         metavar=("FOLDER", "ANIMAL"),
-        help="search recordings FOLDER/ANIMAL_CONDITION.csv: flow in one artery driven by measured pressures",
+        help="search recordings FOLDER/ANIMAL_CONDITION.csv: flow in one artery driven by measured pressures; of "
+        "several animals: recordings that one device made, searched together for its errors",
     )
     parser.add_argument(
         "--held-out",
@@ -91,7 +93,12 @@ def _run(args: argparse.Namespace, out: Path) -> dict:
         return discover_pairs(*args.pairs, out_dir=out, seed=args.seed)
     settings = Settings(threads=args.threads, pressure_unit=args.pressure_unit, noise=args.noise)
     if args.recordings:
-        folder, animal = args.recordings
+        folder, *animals = args.recordings
+        if not animals:
+            raise InputError("command line", "--recordings", folder, "give the folder and at least one animal")
+        if len(animals) > 1:
+            return search_recordings(folder, animals, out, settings, args.seed, args.held_out, args.free_bed)
+        (animal,) = animals
         prepare_case(folder, animal, out / "case", args.held_out, args.free_bed)
         model, measurements, conditions = (
             out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")

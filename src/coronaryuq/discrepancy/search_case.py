@@ -12,6 +12,7 @@ from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference.read_problem import check_searchable, read_problem
 from coronaryuq.discrepancy.result import write
+from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.network.read import print_notes, read_network
@@ -58,6 +59,13 @@ def search_case(
     InputError
         If a file is invalid or the model does not run, before anything is written.
     """
+    return write.write(searched(model, measurements, conditions, settings, seed), out)
+
+
+def searched(
+    model: str | Path, measurements: str | Path, conditions: str | Path, settings: Settings, seed: int
+) -> Discovery:
+    """Search one case as `search_case`, and write nothing."""
     network = read_network(model)
     print_notes(network, model)
     check_searchable(network, model)
@@ -70,14 +78,13 @@ def search_case(
     root_pressure = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
     _report(f"root pressure of the unmodified model: {root_pressure:.3g} mmHg")
     try:
-        discovery = discover(problem, seed, report=_report)
+        return discover(problem, seed, report=_report)
     except FloatingPointError as error:
         residual = problem.whitened([(np.zeros(problem.count), PLAIN)])[0]
         failed = ", ".join(dict.fromkeys(problem.condition[~np.isfinite(residual)]))
         where = failed or "any condition after recalibration"
         remedy = f"the model does not run under {where}; check what the conditions file changes there"
         raise InputError(conditions, failed or None, None, remedy) from error
-    return write.write(discovery, out)
 
 
 def _report(line: str) -> None:
