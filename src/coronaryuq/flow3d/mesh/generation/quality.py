@@ -73,3 +73,14 @@ def altitudes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     """Return the smallest altitude of every tetrahedron (m,), cm."""
     largest = np.max([np.linalg.norm(areas(points, tets[:, face]), axis=1) for face in FACES], axis=0)
     return 3.0 * np.abs(volumes(points, tets)) / largest
+
+
+def summary(points: np.ndarray, tets: np.ndarray) -> dict[str, float]:
+    """Return volume (cm3), smallest and mean radius ratio, and smallest dihedral angle (degrees)."""
+    ratio = radius_ratio(points, tets)
+    return {
+        "volume": float(volumes(points, tets).sum()),
+        "radius_ratio_min": float(ratio.min()),
+        "radius_ratio_mean": float(ratio.mean()),
+        "dihedral_min": float(dihedral_angles(points, tets).min()),
+    }
