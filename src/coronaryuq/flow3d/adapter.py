@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from coronaryuq.case.anatomy.tree import Tree, read_tree
+from coronaryuq.case.anatomy.tree import Tree, placed_stenoses, read_tree
 from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.case.lowest_ffr import FfrPlaces, ffr_places
 from coronaryuq.case.lumen.profiles import Lumen, lumen_of
@@ -21,7 +21,8 @@ from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.mesh.coupling.cut_network import CutNetwork, cut_network
 from coronaryuq.flow3d.mesh.morph.morph import Morph
 from coronaryuq.flow3d.mesh.read_mesh import Domain, read_domain
-from coronaryuq.flow3d.shapes import Shapes, draw_shapes
+from coronaryuq.flow3d.mesh.remesh import Remesher
+from coronaryuq.flow3d.shapes import Meshes, Shapes, draw_shapes
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import read_network
 from coronaryuq.zerod.solver.engine import Engine
@@ -81,18 +82,20 @@ class FlowModel:
         return lumen_of(self.network)
 
     @cached_property
-    def _morph(self) -> Morph | None:
+    def _meshes(self) -> Meshes | None:
         if self.lumen is None:
             return None
         assert self.tree is not None  # read_model checks that there is a tree
-        return Morph(self.domain, self.tree, self.lumen)
+        stenoses = [] if self.case is None else placed_stenoses(self.case.stenoses)
+        remesher = Remesher(self.domain, self.tree, stenoses, self.lumen)
+        return Meshes(Morph(self.domain, self.tree, self.lumen), remesher)
 
     def shapes(self, theta: Mapping[str, np.ndarray], samples: int) -> Shapes | None:
         """Return lumens and viscosities of samples from columns (samples,) of θ; None if they share the mesh's."""
         if self.lumen is None and VISCOSITY not in theta:
             return None
         factor = np.broadcast_to(np.asarray(theta.get(VISCOSITY, 1.0), float), (samples,))
-        return draw_shapes(self.domain, self._morph, self.viscosity * factor, theta, samples)
+        return draw_shapes(self.domain, self._meshes, self.viscosity * factor, theta, samples)
 
     @cached_property
     def ffr_places(self) -> dict[str, FfrPlaces]:

@@ -1,7 +1,8 @@
 """The lumens and blood of a batch of samples: nodes on the mesh's topology, viscosity, what is left of cut vessels."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from coronaryuq.flow3d.mesh.description import MeshDescription
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.morph.morph import Morph
 from coronaryuq.flow3d.mesh.read_mesh import Domain
+from coronaryuq.flow3d.mesh.remesh import Remeshed, Remesher
 
 QUADRATIC = "stenosis_coefficient"
 
@@ -31,44 +33,73 @@ class Shapes:
         (samples,) why a sample has no valid mesh, empty if it has; the others' nodes are then those of the mesh.
     quality
         (samples,) quality of the elements.
+    remeshed
+        Sample → its own mesh, where the nodes of the segmented lumen's cannot follow.
     """
 
     points: np.ndarray
     viscosity: np.ndarray
     outside: Mapping[str, np.ndarray]
     reasons: list[str]
-    quality: list[dict[str, float]]
+    quality: list[dict[str, Any]]
+    remeshed: Mapping[int, Remeshed] = field(default_factory=dict)
 
     def of(self, members: list[int]) -> "Shapes":
         """Return the lumens of some of the samples."""
         outside = {name: factor[members] for name, factor in self.outside.items()}
         pick = [self.reasons[k] for k in members], [self.quality[k] for k in members]
-        return Shapes(self.points[members], self.viscosity[members], outside, *pick)
+        remeshed = {k: self.remeshed[member] for k, member in enumerate(members) if member in self.remeshed}
+        return Shapes(self.points[members], self.viscosity[members], outside, *pick, remeshed)
+
+    def alone(self, member: int) -> "Shapes":
+        """Return the lumen of a sample that has a mesh of its own, on that mesh."""
+        points = self.remeshed[member].domain.points[None]
+        return replace(self.of([member]), points=points, remeshed={})
+
+    def domain(self, member: int, shared: Domain) -> Domain:
+        """Return the mesh of a sample: its own one, or the shared one with its nodes."""
+        if member in self.remeshed:
+            return self.remeshed[member].domain
+        return replace(shared, points=self.points[member])
+
+
+@dataclass(frozen=True)
+class Meshes:
+    """The ways to the mesh of a drawn lumen: moved nodes, and where these fail a mesh of its own."""
+
+    morph: Morph
+    remesher: Remesher
 
 
 def draw_shapes(
-    domain: Domain, morph: Morph | None, viscosity: np.ndarray, theta: Mapping[str, np.ndarray], samples: int
+    domain: Domain, meshes: Meshes | None, viscosity: np.ndarray, theta: Mapping[str, np.ndarray], samples: int
 ) -> Shapes:
     """Return the lumens of samples from columns (samples,) of θ; absent coordinates are at their centre.
 
-    morph: None if the lumen is that of the mesh; viscosity: (samples,) poise.
+    meshes: None if the lumen is that of the mesh; viscosity: (samples,) poise.
     """
     points, reasons = np.array([domain.points] * samples), [""] * samples
-    quality: list[dict[str, float]] = [{} for _ in range(samples)]
-    if morph is None:
+    quality: list[dict[str, Any]] = [{} for _ in range(samples)]
+    if meshes is None:
         return Shapes(points, viscosity, {}, reasons, quality)
+    morph, remeshed = meshes.morph, {}
     names = [name for name in morph.lumen.names if name in theta]
     given = {name: np.broadcast_to(np.asarray(theta[name], float), (samples,)) for name in names}
     for k in range(samples):
+        z = {name: float(value[k]) for name, value in given.items()}
         try:
-            moved = morph({name: float(value[k]) for name, value in given.items()})
+            moved = morph(z)
             points[k], quality[k] = moved.points, moved.quality
-        except MeshError as error:
-            reasons[k] = str(error)
+        except MeshError as spoilt:
+            try:
+                remeshed[k] = meshes.remesher(z)
+                quality[k] = remeshed[k].quality | {"remeshed_because": str(spoilt)}
+            except MeshError as error:
+                reasons[k] = f"{spoilt}; {error}"
     # The factors of a vessel none of whose coordinates is given are those of one sample, the centre.
     factors = outside_factors(morph.lumen, domain.description, given)
     outside = {name: np.broadcast_to(factor, (samples,)) for name, factor in factors.items()}
-    return Shapes(points, viscosity, outside, reasons, quality)
+    return Shapes(points, viscosity, outside, reasons, quality, remeshed)
 
 
 def outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -1,6 +1,10 @@
-"""The ensemble solver: all samples of one mesh, block after block; those that blow up again with shorter steps."""
+"""The ensemble solver: all samples of one mesh, block after block; those that blow up again with shorter steps.
+
+A sample with a mesh of its own is a block of its own, which takes as long as one of LANES samples.
+"""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +13,7 @@ from coronaryuq.flow3d.adapter import FlowModel
 from coronaryuq.flow3d.ensemble.block import Block, Outcome, Report, Task
 from coronaryuq.flow3d.fem.discretisation import Discretisation
 from coronaryuq.flow3d.fem.lanes import LANES
+from coronaryuq.flow3d.mesh.read_mesh import Domain
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.shapes import Shapes
 
@@ -75,8 +80,8 @@ class Ensemble:
             pending = [k for k in pending if k not in outcomes]
         for refinement in range(self.settings.refinements + 1):
             failed = []
-            for first in range(0, len(pending), LANES):
-                members = pending[first : first + LANES]
+            for members in _blocks(pending, shapes):
+                model, space, own = self._geometry(refinement, members, shapes)
                 task = Task(
                     changes={name: value[members] for name, value in changes.items()},
                     samples=len(members),
@@ -86,10 +91,9 @@ class Ensemble:
                     label=f"{members[0] + 1} to {members[-1] + 1} of {samples}",
                     waveforms=waveforms,
                     start=None if start is None else np.asarray(start, float)[members],
-                    shapes=None if shapes is None else shapes.of(members),
+                    shapes=own,
                 )
-                space = self.space(refinement) if shapes is None else self.own_spaces(refinement, shapes.of(members))
-                block = Block(self.model, self.settings, space, task, report)
+                block = Block(model, self.settings, space, task, report)
                 for k, outcome in zip(members, block.run(), strict=True):
                     if k in outcomes:
                         _add_earlier(outcome, outcomes[k])
@@ -107,21 +111,41 @@ class Ensemble:
         """Return the mesh's operators for the time step of a refinement."""
         if refinement not in self._spaces:
             domain, model = self.model.domain, self.model
-            self._spaces[refinement] = self._discretised(refinement, domain.points, model.viscosity)
+            self._spaces[refinement] = self._discretised(domain, refinement, domain.points, model.viscosity)
         return self._spaces[refinement]
 
     def own_spaces(self, refinement: int, shapes: Shapes) -> Discretisation:
         """Return operators of up to LANES samples with lumens and blood of their own, the last one repeated."""
         spaces = [
-            self._discretised(refinement, points, float(viscosity))
+            self._discretised(self.model.domain, refinement, points, float(viscosity))
             for points, viscosity in zip(shapes.points, shapes.viscosity, strict=True)
         ]
         return Discretisation.of_lanes(spaces + [spaces[-1]] * (LANES - len(spaces)), self.space(refinement))
 
-    def _discretised(self, refinement: int, points: np.ndarray, viscosity: float) -> Discretisation:
-        domain, model = self.model.domain, self.model
-        step = model.engine.model.period / (self.settings.steps_per_cycle * 2**refinement)
-        return Discretisation(points, domain.tets, domain.caps, domain.inlets, step, model.density, viscosity)
+    def _geometry(
+        self, refinement: int, members: list[int], shapes: Shapes | None
+    ) -> tuple[FlowModel, Discretisation, Shapes | None]:
+        """Return the model of a block, the operators on its mesh, and its lumens."""
+        if shapes is None:
+            return self.model, self.space(refinement), None
+        first = members[0]
+        if first not in shapes.remeshed:
+            own = shapes.of(members)
+            return self.model, self.own_spaces(refinement, own), own
+        own, domain = shapes.alone(first), shapes.remeshed[first].domain
+        space = self._discretised(domain, refinement, domain.points, float(own.viscosity[0]))
+        return replace(self.model, domain=domain), space, own
+
+    def _discretised(self, domain: Domain, refinement: int, points: np.ndarray, viscosity: float) -> Discretisation:
+        step = self.model.engine.model.period / (self.settings.steps_per_cycle * 2**refinement)
+        return Discretisation(points, domain.tets, domain.caps, domain.inlets, step, self.model.density, viscosity)
+
+
+def _blocks(pending: list[int], shapes: Shapes | None) -> list[list[int]]:
+    """Return the samples of each block: LANES on the common mesh, or one that has a mesh of its own."""
+    alone = [] if shapes is None else [k for k in pending if k in shapes.remeshed]
+    common = [k for k in pending if k not in alone]
+    return [common[first : first + LANES] for first in range(0, len(common), LANES)] + [[k] for k in alone]
 
 
 def _add_earlier(outcome: Outcome, earlier: Outcome) -> None:

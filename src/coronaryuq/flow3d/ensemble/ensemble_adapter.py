@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -57,7 +56,7 @@ class EnsembleAdapter:
             domain = self.model.domain
             if shapes is not None:
                 outcome.diagnostics |= {"lumen": shapes.quality[number]}
-                domain = replace(domain, points=shapes.points[number])
+                domain = shapes.domain(number, domain)
             rows[k] = _record(samples[k], outcome, solver)
             if outcome.fields and outputs.fields is not None:
                 write_fields(outputs.fields, samples[k].name, domain, outcome.fields)

@@ -46,12 +46,16 @@ class Domain:
 
 def read_domain(mesh_folder: str | Path, mesh_json: str | Path) -> Domain:
     """Read a `mesh-complete` folder and its description; raise `InputError` if one does not fit the other."""
-    mesh, description = folder.read(mesh_folder), read_description(mesh_json)
+    return domain_of(folder.read(mesh_folder), read_description(mesh_json), mesh_json)
+
+
+def domain_of(mesh: folder.Mesh, description: MeshDescription, mesh_json: str | Path = "mesh.json") -> Domain:
+    """Return the domain of a mesh and its description; raise `InputError` if one does not fit the other."""
     number = {name: k for k, name in mesh.caps.items()}
     caps = {}
     for name in description.caps:
         if name not in number:
-            raise InputError(mesh_json, "faces", name, f"no such cap in {Path(mesh_folder).name}; regenerate the mesh")
+            raise InputError(mesh_json, "faces", name, "the mesh has no such cap; regenerate it")
         caps[name] = mesh.triangles[mesh.face == number[name]]
     inlets = [name for name, couples in description.caps.items() if couples.enters]
     regions = {name: mesh.triangles[mesh.region == region.id] for name, region in description.regions.items()}

@@ -56,12 +56,15 @@ class CoupledCase(FlowModel):
         if shapes.reasons[0]:
             raise RunFailed(shapes.reasons[0])
         shutil.rmtree(mesh_folder, ignore_errors=True)
-        mesh = folder.read(self.mesh_folder)
-        folder.write(mesh_folder, replace(mesh, points=shapes.points[0]))
+        if shapes.remeshed:
+            mesh = shapes.remeshed[0].mesh
+        else:
+            mesh = replace(folder.read(self.mesh_folder), points=shapes.points[0])
+        folder.write(mesh_folder, mesh)
         outside = {name: float(factor[0]) for name, factor in shapes.outside.items()}
         return replace(
             self,
-            domain=replace(self.domain, points=shapes.points[0]),
+            domain=shapes.domain(0, self.domain),
             mesh_folder=mesh_folder,
             outside=outside,
             viscosity=float(shapes.viscosity[0]),

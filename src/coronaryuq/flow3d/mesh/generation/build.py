@@ -46,7 +46,11 @@ def kept_vessels(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -
 
 def build(tree: Tree, stenoses: Sequence[Stenosis], settings: Settings) -> Built:
     """Mesh the chosen domain, each piece in a process of its own; raise `MeshError` if a piece fails all attempts."""
-    kept = kept_vessels(tree, stenoses, settings)
+    return build_kept(tree, kept_vessels(tree, stenoses, settings), stenoses, settings)
+
+
+def build_kept(tree: Tree, kept: Kept, stenoses: Sequence[Stenosis], settings: Settings) -> Built:
+    """Mesh the given stretches of vessels; as `build`."""
     groups = extent.pieces(tree, kept)
     pieces: list[Piece] = []
     surfaces: list[Implicit] = []

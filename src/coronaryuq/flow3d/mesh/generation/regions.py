@@ -1,6 +1,6 @@
 """Where wall shear and pressure are evaluated: the wall around each stenosis, a plane before and one behind it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -110,21 +110,7 @@ def mark(
     upstream, downstream: extent beyond the stenosis in local diameters. A region stays half a diameter away from caps,
     leaves out the walls of side branches, and ends half-way to another stenosis of the same artery.
     """
-    mesh = built.mesh
-    region = np.zeros(len(mesh.triangles), np.int64)
-    wall = np.flatnonzero(mesh.wall_triangles())
-    centres = mesh.points[mesh.triangles[wall]].mean(axis=1)
-    size = 0.5 * np.linalg.norm(
-        np.cross(
-            mesh.points[mesh.triangles[:, 1]] - mesh.points[mesh.triangles[:, 0]],
-            mesh.points[mesh.triangles[:, 2]] - mesh.points[mesh.triangles[:, 0]],
-        ),
-        axis=1,
-    )
-    marked = {}
-    owners = [surface.nearest(centres) for surface in built.implicit]
-    depth = np.column_stack([np.abs(surface.distance(centres)) for surface in built.implicit])
-    piece_of = np.argmin(depth, axis=1)
+    walls, marked = _Walls(built), {}
     for number, stenosis in enumerate(stenoses, start=1):
         line = course(tree, stenosis, built)
         place, radius = throat(tree, stenosis)
@@ -136,25 +122,48 @@ def mark(
         before, after = neighbours(tree, stenosis, stenoses, built)
         low = max(low, (before + stenosis.start - place) / 2.0)
         high = min(high, (after + stenosis.end - place) / 2.0)
-        full = built.implicit[line.piece].paths[line.path]
+        wanted = Region(id=number, vessel=stenosis.vessel, throat=place, throat_radius=radius, start=low, end=high)
+        marked[stenosis.name] = walls.mark(wanted, line)
+    return walls.mesh(), marked
+
+
+def mark_again(regions: Mapping[str, Region], built: Built) -> tuple[Mesh, dict[str, Region]]:
+    """Return a mesh with the regions of another one of the same vessels, between the same arc lengths."""
+    walls = _Walls(built)
+    marked = {name: walls.mark(old, _course(built, old.vessel, old.throat)) for name, old in regions.items()}
+    return walls.mesh(), marked
+
+
+class _Walls:
+    """The wall of a mesh: its triangles by piece, path and place along it, and the region of each."""
+
+    def __init__(self, built: Built):
+        self._built, mesh = built, built.mesh
+        self._region = np.zeros(len(mesh.triangles), np.int64)
+        self._wall = np.flatnonzero(mesh.wall_triangles())
+        centres = mesh.points[mesh.triangles[self._wall]].mean(axis=1)
+        corner = mesh.points[mesh.triangles]
+        across = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        self._size = 0.5 * np.linalg.norm(across, axis=1)
+        self._owners = [surface.nearest(centres) for surface in built.implicit]
+        depth = np.column_stack([np.abs(surface.distance(centres)) for surface in built.implicit])
+        self._piece = np.argmin(depth, axis=1)
+
+    def mark(self, region: Region, line: Course) -> Region:
+        """Mark the wall from the start to the end of a region, and return the region with its triangles' number."""
+        full = self._built.implicit[line.piece].paths[line.path]
         shift = len(full.points) - len(line.along.points) - 1
-        path, segment, along = owners[line.piece]
+        path, segment, along = self._owners[line.piece]
         index = np.clip(segment - shift, 0, len(line.offset) - 2)
         offset = line.offset[index] + along * (line.offset[index + 1] - line.offset[index])
-        inside = (piece_of == line.piece) & (path == line.path) & (offset >= low) & (offset <= high)
-        region[wall[inside]] = number
-        chosen = wall[inside]
-        marked[stenosis.name] = Region(
-            id=number,
-            vessel=stenosis.vessel,
-            throat=place,
-            throat_radius=radius,
-            start=low,
-            end=high,
-            triangles=int(inside.sum()),
-            area=float(size[chosen].sum()),
-        )
-    return replace(mesh, region=region), marked
+        inside = (self._piece == line.piece) & (path == line.path) & (offset >= region.start) & (offset <= region.end)
+        chosen = self._wall[inside]
+        self._region[chosen] = region.id
+        return region.model_copy(update={"triangles": len(chosen), "area": float(self._size[chosen].sum())})
+
+    def mesh(self) -> Mesh:
+        """Return the mesh with its regions."""
+        return replace(self._built.mesh, region=self._region)
 
 
 def plane(tree: Tree, stenosis: Stenosis, stenoses: Sequence[Stenosis], built: Built, diameters: float) -> Plane:
