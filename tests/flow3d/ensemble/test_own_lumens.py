@@ -93,6 +93,7 @@ def test_a_lumen_without_a_valid_mesh_is_an_outcome_with_a_reason_and_the_others
     got = run(model, z, Settings(steps_per_cycle=100, max_cycles=2, refinements=0))
     assert all(outcome.ok for outcome in got[:-1])
     assert not got[-1].ok and "drawn lumen" in got[-1].reason
+    assert "not made from centrelines" in got[-1].reason
 
 
 def test_the_viscosity_of_a_sample_changes_its_pressure_drop_and_nothing_of_its_neighbours():

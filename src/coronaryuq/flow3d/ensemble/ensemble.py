@@ -1,6 +1,6 @@
 """The ensemble solver: all samples of one mesh, block after block; those that blow up again with shorter steps.
 
-A sample with a mesh of its own is a block of its own, which takes as long as one of LANES samples.
+A sample with a mesh of its own is a block of its own.
 """
 
 from collections.abc import Mapping, Sequence

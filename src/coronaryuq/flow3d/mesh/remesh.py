@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel
 from coronaryuq.case.lumen.profiles import Lumen
-from coronaryuq.core.errors import InputError
-from coronaryuq.flow3d.mesh.description import MeshDescription
+from coronaryuq.flow3d.mesh.description import Face, MeshDescription, Region
 from coronaryuq.flow3d.mesh.generation import folder, quality, regions
 from coronaryuq.flow3d.mesh.generation.build import build_kept
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
@@ -61,18 +61,19 @@ class Remesher:
         MeshError
             The segmented lumen was not meshed from the tree, or the drawn one cannot be meshed.
         """
-        old = self.description
-        if old.domain not in ("segments", "trees", "whole"):
+        if self.description.domain not in ("segments", "trees", "whole"):
             raise MeshError(NO_TREE)
-        tree = drawn_tree(self.tree, self.lumen, z)
+        try:
+            return self._meshed(drawn_tree(self.tree, self.lumen, z))
+        except ValueError as error:  # of a lumen that is no tree, or a mesh without a region
+            raise MeshError(str(error)) from None
+
+    def _meshed(self, tree: Tree) -> Remeshed:
+        old = self.description
         kept = {name: self._interval(tree[name], interval) for piece in old.pieces for name, interval in piece.items()}
         built = build_kept(tree, kept, self.stenoses, Settings.model_validate(old.settings))
         mesh, marked = regions.mark_again(old.regions, built)
-        description = _described(old, mesh, marked, built.failures)
-        try:
-            domain = domain_of(mesh, description)
-        except InputError as error:
-            raise MeshError(error.remedy) from None
+        domain = domain_of(mesh, _described(old, mesh, marked, built.failures))
         return Remeshed(mesh, domain, quality.summary(mesh.points, mesh.tets))
 
     def _interval(self, drawn: Vessel, interval: tuple[float, float]) -> tuple[float, float]:
@@ -97,22 +98,26 @@ def drawn_tree(tree: Tree, lumen: Lumen, z: Mapping[str, float]) -> Tree:
     return Tree(drawn)
 
 
-def _described(old: MeshDescription, mesh: folder.Mesh, marked: dict, failures: list[str]) -> MeshDescription:
+def _described(
+    old: MeshDescription, mesh: folder.Mesh, marked: dict[str, Region], failures: list[str]
+) -> MeshDescription:
     """Return the description of the segmented lumen's mesh with the sizes of another one."""
     number = {name: k for k, name in mesh.names.items()}
-    faces = [
-        face.model_copy(update=folder.face_geometry(mesh, number[face.name]) if face.kind == "cap" else {})
-        for face in old.faces
-    ]
     summary = quality.summary(mesh.points, mesh.tets)
     return old.model_copy(
         update={
             "nodes": len(mesh.points),
             "tets": len(mesh.tets),
             "volume": summary["volume"],
-            "faces": faces,
+            "faces": [_resized(face, folder.face_geometry(mesh, number[face.name])) for face in old.faces],
             "regions": marked,
             "quality": summary,
             "failed_attempts": failures,
         }
     )
+
+
+def _resized(face: Face, geometry: dict[str, Any]) -> Face:
+    """Return a face with another geometry; of a wall, whose other sizes mean nothing, with another area."""
+    known = face.model_dump(exclude_none=True)
+    return Face.model_validate(known | {name: value for name, value in geometry.items() if name in known})

@@ -15,7 +15,7 @@ from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.geometry.extent import pieces
 from coronaryuq.flow3d.mesh.geometry.implicit import Implicit
 from coronaryuq.flow3d.mesh.geometry.paths import paths
-from coronaryuq.flow3d.mesh.morph.morph import Morph
+from coronaryuq.flow3d.mesh.morph.morph import FLATTEST, INCREMENTS, Morph
 from coronaryuq.flow3d.mesh.read_mesh import read_domain
 from coronaryuq.flow3d.mesh.stage import mesh_tree
 from support.loops import LENGTH, RADIUS, uncertain
@@ -89,6 +89,17 @@ def test_in_a_tube_one_ratio_scales_every_node_across_it():
 def test_a_draw_that_closes_the_lumen_is_refused(narrowed):
     with pytest.raises(MeshError, match="drawn lumen"):
         narrowed(dict.fromkeys(narrowed.lumen.names, -15.0))
+
+
+def test_increments_keep_a_draw_that_one_displacement_spoils():
+    steep = morph_of(uncertain(LumenError(unit="mm", common_sd=0.0, local_sd=0.3, length=1.0, narrow=3.0), 4, False))
+    gentle, hard = (steep({"lumen_LAD_2": z}) for z in (1.0, 3.0))
+    assert "increments" not in gentle.quality and hard.quality["increments"] == INCREMENTS
+    assert hard.quality["dihedral_min"] > FLATTEST
+    # The surface is where one displacement puts it.
+    at = np.unique(quality.boundary(steep.domain.tets)[0])
+    shift = steep._surface_shift({"lumen_LAD_2": 3.0})
+    np.testing.assert_allclose(hard.points[at], (steep.domain.points + shift)[at], rtol=0, atol=1e-12)
 
 
 @pytest.mark.slow
