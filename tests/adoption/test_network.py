@@ -1,21 +1,15 @@
-"""A network with adopted effects, kind by kind; what cannot act in it, and what lies inside the 3D domain."""
+"""A network with adopted effects, kind by kind; what cannot act in it."""
 
 import pytest
 
-from coronaryuq.adoption.in_3d import INSIDE, for_3d
 from coronaryuq.adoption.network import with_effects
 from coronaryuq.case.network.network import UNCERTAIN
-from coronaryuq.flow3d.mesh.coupling.cut_network import cut_network
-from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import Theta
-from support.adopted_effects import KINDS, SCALES, adopted, placed
-from support.small_loop import loop, mesh_of_part
+from support.adopted_effects import SCALES, adopted, placed
+from support.small_loop import loop
 
 FLOWS = ["mean_flow:J0:lca1", "mean_flow:J0:lca2", "mean_pressure:J_heart_outlet:aorta"]
-
-
-MESH = mesh_of_part({"R_poiseuille": 0.3, "L": 0.3, "C": 0.3})
 
 
 @pytest.mark.parametrize("name", ["side_branch_leak", "collateral", "aortic_stenosis", "diffuse_narrowing"])
@@ -70,32 +64,3 @@ def test_locations_that_the_case_reads_are_known_by_their_new_names():
 
 def test_nothing_to_adopt_is_the_same_network():
     assert with_effects(loop(), loop(), [], SCALES).network == loop()
-
-
-@pytest.mark.parametrize(
-    ("name", "kept"),
-    [("side_branch_leak", True), ("aortic_stenosis", True), ("haematocrit", False), ("diffuse_narrowing", False)],
-)
-def test_3d_gets_what_lies_outside_its_domain(name, kept):
-    """A leak behind the outlet and the heart; not a narrowing of a vessel inside, nor the viscosity of the lumen."""
-    tuned = adopted([placed(name, 0.7), placed("pressure_offset", 0.3, True)])
-    tuned.bed_values("BC_lca1")["Ra"] *= 1.1
-    network, refused = for_3d(tuned, loop(), MESH)
-    label = f"{name.replace('_', ' ')} at {KINDS[name][0]}"
-    assert refused == ({} if kept else {label: INSIDE})
-    assert Theta(network).columns == Theta(tuned).columns, "the same samples run in 0D and 3D"
-    Model(cut_network(network, MESH).network)
-    assert network.bed_values("BC_lca1")["Ra"] == tuned.bed_values("BC_lca1")["Ra"]
-    own, plain = Engine(network).parameters, Engine(loop()).parameters
-    still = [target for target in Theta(tuned).mixtures.absent if target in plain and own[target] == plain[target]]
-    assert bool(still) != kept or name == "side_branch_leak"
-    theta = {column: [0.4] for column in Theta(network).laws.names}
-    assert bool(set(Theta(network).mixtures.absent) & set(Theta(network).changes(theta))) == kept
-
-
-def test_a_campaign_without_effects_runs_its_own_loop_in_3d():
-    tuned = loop()
-    tuned.bed_values("BC_lca1")["Ra"] *= 1.1
-    network, refused = for_3d(tuned, loop(), MESH)
-    assert refused == {} and network["vessels"] == tuned["vessels"]
-    assert network["boundary_conditions"] == tuned["boundary_conditions"]

@@ -15,7 +15,7 @@ FFR = {"median": 0.81, "low": 0.73, "high": 0.858, "zones": [0.1, 0.315, 0.585],
 FOUND = {
     "adopted": True, "reason": "", "classes": [{"members": [ONE, OTHER], "source": "search of 777 fitted values"}],
     "gap": {when: {"misfit": x, "interval_90": [x - 0.1, x + 0.1]} for when, x in (("before", 1.7), ("after", 0.9))},
-    "held_out": ["half dilated"], "scheme": "held out", "zones": [0.75, 0.8], "not_in_3d": {},
+    "held_out": ["half dilated"], "scheme": "held out", "zones": [0.75, 0.8], "not_in_3d": {}, "in_lumen": {},
     "samples": {"before": 200, "after": 200},
     "ffr": [{"branch": "RCA", "before": FFR, "after": FFR | {"median": 0.87, "zones": [0.0, 0.0, 1.0]}}],
 }  # fmt: skip
@@ -39,7 +39,7 @@ def test_it_says_what_was_adopted_with_interval_and_source_and_both_predictions(
     (row,) = found["rows"]
     assert row["before"]["ffr"] == "0.810 (0.730 to 0.858)" and row["after"]["zones"] == ["0 %", "0 %", "100 %"]
     assert found["zones"] == ["FFR ≤ 0.75", "0.75 < FFR ≤ 0.8", "FFR > 0.8"]
-    assert not found["not_in_3d"] and "nothing about the patient" not in found["text"]
+    assert not found["not_in_3d"] and not found["in_lumen"] and "nothing about the patient" not in found["text"]
 
 
 def test_an_invented_effect_is_not_presented_as_one_of_the_patient(section):
@@ -50,6 +50,12 @@ def test_what_3d_cannot_have_is_said(section):
     found = section(not_in_3d={"quadratic stenosis at rca6": "it lies inside the 3D domain"})
     assert found["classes"][0][0]["became"] == "adopted in 0D alone"
     assert "do not contain" in found["not_in_3d"]
+
+
+def test_what_the_lumen_of_3d_has_is_said_with_its_place(section):
+    found = section(in_lumen={"quadratic stenosis at rca6": "in the middle of rca6; place and length are assumed"})
+    assert found["classes"][0][0]["became"] == "adopted in 0D and the lumen of 3D" and not found["not_in_3d"]
+    assert "quadratic stenosis at rca6: in the middle of rca6; place and length are assumed." in found["in_lumen"]
 
 
 def test_nothing_adopted_gives_the_reason_and_no_comparison(section):

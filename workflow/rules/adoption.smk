@@ -39,18 +39,21 @@ rule adopt:
 
 
 rule adopted_in_3d:
-    """Write the tuned loop for 3D runs, without the effects that lie inside their lumen."""
+    """Write the tuned loop for 3D runs, with narrowings inside the mesh as the shape of its lumen."""
     input:
         hyperaemia_json=rules.calibration.output.hyperaemia_json,
         case_network_json=rules.case.output.network_json,
         mesh_json=results("mesh", "mesh.json"),
+        case_json=rules.case.output.case_json,
+        tree_vtp=rules.case.output.tree_vtp,
     output:
         out_json=results("adopted", "hyperaemia_3d.json"),
-        refused_json=results("adopted", "in_3d.json"),
+        in_3d_json=results("adopted", "in_3d.json"),
     log:
         log_of("adopted", "in_3d.log"),
     params:
         **stage("coronaryuq.adoption.stage:in_3d"),
+        stenosis_loss=campaign.patient.stenosis_loss,
     script:
         "../scripts/stage.py"
 
@@ -112,7 +115,7 @@ rule adoption_prediction:
 rule adoption_comparison:
     """Compare the predictions before and after adoption."""
     input:
-        **({"refused_json": rules.adopted_in_3d.output.refused_json} if given.in_3d else {}),
+        **({"in_3d_json": rules.adopted_in_3d.output.in_3d_json} if given.in_3d else {}),
         case_json=rules.case.output.case_json,
         adoption_json=rules.adopt.output.adoption_json,
         before_csv=results("adopted", "ffr_before.csv"),

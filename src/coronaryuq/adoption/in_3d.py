@@ -1,21 +1,46 @@
-"""The 0D side of 3D runs with adopted effects: which of them it has, and which lie inside the 3D lumen."""
+"""3D runs with adopted effects: which of them the 0D side has, which the lumen, and which neither."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from coronaryuq.adoption.network import with_mixtures
-from coronaryuq.case.network.network import UNCERTAIN, Network
+from coronaryuq.case.anatomy.tree import Tree, placed_stenoses
+from coronaryuq.case.case_json import CaseStenosis
+from coronaryuq.case.network.along_tree import vessels_along
+from coronaryuq.case.network.build import Physics
+from coronaryuq.case.network.network import NARROWED, UNCERTAIN, Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.mesh.coupling.cut_network import cut_network
 from coronaryuq.flow3d.mesh.description import MeshDescription
+from coronaryuq.flow3d.narrowed_lumen import QUADRATIC
+from coronaryuq.flow3d.narrowed_network import SHAPES, Place, content, where
 from coronaryuq.zerod.effect_mixture import KIND, EffectMixture, Member
 from coronaryuq.zerod.network.numbering import Model
 
 INSIDE = "it lies inside the 3D domain, whose lumen does not have it: 3D runs are made without it"
 
 
-def for_3d(tuned: Network, case: Network, mesh: MeshDescription) -> tuple[Network, dict[str, str]]:
-    """Return the tuned loop for 3D runs, and why an effect does not act in it, by its label.
+@dataclass(frozen=True)
+class In3D:
+    """The loop for 3D runs.
+
+    Parameters
+    ----------
+    network
+        svZeroDSolver JSON with the effects on the 0D side, and those in the lumen as its part `narrowed`.
+    lumen
+        Label of an effect in the lumen → where it is, and what of this is assumed.
+    refused
+        Label of an effect that 3D runs do not have → why.
+    """
+
+    network: Network
+    lumen: dict[str, str]
+    refused: dict[str, str]
+
+
+def for_3d(tuned: Network, case: Network, mesh: MeshDescription, places: Mapping[str, Place], physics: Physics) -> In3D:
+    """Return the tuned loop for 3D runs.
 
     Parameters
     ----------
@@ -25,29 +50,67 @@ def for_3d(tuned: Network, case: Network, mesh: MeshDescription) -> tuple[Networ
         The case's network: vessels with their own losses, without effects.
     mesh
         The domain that replaces part of it.
+    places
+        0D vessel → where it lies along the centrelines.
+    physics
+        Blood and K_t, by which the loss of a stenosis tells its throat.
     """
     entries = tuned.get(UNCERTAIN, [])
     mixtures = [EffectMixture.read(one, UNCERTAIN, "network") for one in entries if one["kind"] == KIND]
     plain = _like(case, tuned)
+    lumen: dict[str, str] = {}
     refused: dict[str, str] = {}
+    narrowed: dict[tuple[str, int], Place] = {}
     kept = []
     for mixture in mixtures:
         members = []
-        for member in mixture.members:
-            acts = member.acts and _fits(plain, tuned, mixture, member, mesh)
-            if member.acts and not acts:
-                refused[f"{member.effect.replace('_', ' ')} at {member.place}"] = INSIDE
+        for number, member in enumerate(mixture.members):
+            label = f"{member.effect.replace('_', ' ')} at {member.place}"
+            place = _narrows(plain, member, mesh, places) if member.acts else None
+            acts = member.acts and place is None and _fits(plain, tuned, mixture, member, mesh)
+            if place is not None:
+                narrowed[mixture.name, number] = place
+                inside = where(member.effect, member.place, place)
+                lumen |= {label: inside} if inside else {}
+            elif member.acts and not acts:
+                refused[label] = INSIDE
             members.append(replace(member, acts=acts))
         kept.append(replace(mixture, members=tuple(members)))
     found = with_mixtures(plain, tuned, kept)
     found[UNCERTAIN] = _columns(entries, found, kept)
+    if narrowed:
+        found[NARROWED] = content(narrowed, physics)
     unknowns = set(Model(found).variables)
     state = tuned.get("initial_condition", {})
     pressures = [value for name, value in state.items() if name.startswith("pressure:")]
     found["initial_condition"] = {name: value for name, value in state.items() if name in unknowns}
     if pressures:
         found["initial_condition"]["pressure_all"] = sum(pressures) / len(pressures)
-    return found, refused
+    return In3D(found, lumen, refused)
+
+
+def places_along(
+    tree: Tree, stenoses: Sequence[CaseStenosis], network: Network, mesh: MeshDescription, file: str = "network"
+) -> dict[str, Place]:
+    """Return where the 0D vessels along the meshed part of the tree lie; the lesion of several is the tightest."""
+    kept = {name: interval for piece in mesh.pieces for name, interval in piece.items()}
+    lesions: dict[str, tuple[float, float]] = {}
+    for stenosis in sorted(stenoses, key=lambda one: one.area_ratio or 1.0, reverse=True):
+        if stenosis.start is not None and stenosis.end is not None:
+            lesions[stenosis.segment] = stenosis.start, stenosis.end
+    return {
+        one.name: Place.of(tree[one.vessel], one.start, one.end, kept[one.vessel], lesions.get(one.name))
+        for one in vessels_along(tree, placed_stenoses(stenoses), network, file)
+        if one.vessel in kept
+    }
+
+
+def _narrows(plain: Network, member: Member, mesh: MeshDescription, places: Mapping[str, Place]) -> Place | None:
+    """Return where a vessel lies that the effect narrows in the mesh, None if it narrows none there."""
+    inside = member.place in mesh.replaces or member.place in mesh.cut
+    if member.effect not in SHAPES or not inside or member.place not in places:
+        return None
+    return places[member.place] if plain.vessel_values(member.place)["R_poiseuille"] > 0.0 else None
 
 
 def _columns(entries: Sequence[dict], found: Network, kept: Sequence[EffectMixture]) -> list[dict]:
@@ -93,5 +156,7 @@ def _fits(plain: Network, tuned: Network, mixture: EffectMixture, member: Member
         block, _, name = target.rpartition(".")
         parts = cut.parts.get(block, [(block, {name: 1.0})])
         if not parts or (len(parts) > 1 and any(name not in shares for _, shares in parts)):
+            return False
+        if name == QUADRATIC and block in mesh.cut:  # what stays of it in 0D is the entrance's
             return False
     return True

@@ -8,9 +8,11 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.adoption.choice import Choice, Placed, chosen
-from coronaryuq.adoption.in_3d import for_3d
+from coronaryuq.adoption.in_3d import for_3d, places_along
 from coronaryuq.adoption.network import with_effects
+from coronaryuq.case.anatomy.tree import read_tree
 from coronaryuq.case.case_json import CaseSummary, read_case
+from coronaryuq.case.network.build import Physics
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.provenance import checksum
@@ -60,15 +62,30 @@ def adopt(
 
 
 def in_3d(
-    hyperaemia_json: str | Path, case_network_json: str | Path, mesh_json: str | Path, out_json: str | Path,
-    refused_json: str | Path,
+    hyperaemia_json: str | Path, case_network_json: str | Path, mesh_json: str | Path, case_json: str | Path,
+    tree_vtp: str | Path, stenosis_loss: float, out_json: str | Path, in_3d_json: str | Path,
 ) -> None:  # fmt: skip
-    """Write the tuned loop for 3D runs, with those effects that lie outside the 3D domain, and which do not."""
-    network, refused = for_3d(
-        read_network(hyperaemia_json), read_network(case_network_json), read_description(mesh_json)
-    )
-    write_network(out_json, network)
-    write_json(refused_json, {"refused": refused})
+    """Write the tuned loop for 3D runs, and which effects they have in the lumen and which not at all.
+
+    Parameters
+    ----------
+    hyperaemia_json
+        The tuned loop with what was adopted.
+    case_network_json, case_json, tree_vtp
+        The case: its own network, stenoses and lumen.
+    mesh_json
+        The mesh's description.
+    stenosis_loss
+        K_t of the stenosis law.
+    out_json, in_3d_json
+        The loop and the lists to write.
+    """
+    case, case_network, mesh = read_case(case_json), read_network(case_network_json), read_description(mesh_json)
+    places = places_along(read_tree(tree_vtp), case.stenoses, case_network, mesh, str(case_network_json))
+    physics = Physics(density=case.density, stenosis_loss=stenosis_loss)
+    found = for_3d(read_network(hyperaemia_json), case_network, mesh, places, physics)
+    write_network(out_json, found.network)
+    write_json(in_3d_json, {"lumen": found.lumen, "refused": found.refused})
 
 
 def predict(
@@ -86,7 +103,7 @@ def predict(
 
 def compare(
     case_json: str | Path, adoption_json: str | Path, before_csv: str | Path,
-    after_csv: str | Path, zones: Sequence[float], comparison_json: str | Path, refused_json: str | Path | None = None,
+    after_csv: str | Path, zones: Sequence[float], comparison_json: str | Path, in_3d_json: str | Path | None = None,
 ) -> None:  # fmt: skip
     """Write what was adopted beside the FFR of the 0D posterior predictive distribution before and after it.
 
@@ -98,8 +115,9 @@ def compare(
         {"branch": branch, **{when: _predicted(table[column], zones) for when, table in tables.items()}}
         for column, branch in names.items()
     ]
-    refused = read_json(refused_json)["refused"] if refused_json else {}
-    content = read_json(adoption_json) | {"ffr": rows, "zones": list(zones), "not_in_3d": refused}
+    in_3d = read_json(in_3d_json, ("lumen", "refused")) if in_3d_json else {"lumen": {}, "refused": {}}
+    content = read_json(adoption_json) | {"ffr": rows, "zones": list(zones)}
+    content |= {"in_lumen": in_3d["lumen"], "not_in_3d": in_3d["refused"]}
     write_json(comparison_json, content | {"samples": {when: len(table) for when, table in tables.items()}})
 
 

@@ -51,10 +51,10 @@ KINDS = (
     Kind(
         r"adopted/network\.json", "0D network at rest with the adopted effects, before tuning, svZeroDSolver JSON, CGS"
     ),
-    Kind(r"adopted/hyperaemia_3d\.json", "the tuned loop for 3D runs, without effects inside their lumen, CGS"),
+    Kind(r"adopted/hyperaemia_3d\.json", "the tuned loop for 3D runs, with what their lumen is narrowed by, CGS"),
     Kind(
         r"adopted/(?:adoption|in_3d|comparison)\.json",
-        "what was adopted, what 3D cannot have of it, and FFR before and after (docs/explanation/adoption.md)",
+        "what was adopted, what 3D has and cannot have of it, and FFR before and after (docs/explanation/adoption.md)",
     ),
     Kind(r"adopted/ffr_(?:before|after)\.csv", "FFR by 0D at samples of the posterior", columns.PREDICTED),
     Kind(r"posterior/length_\d+/chains\.npz", "every recorded state of every chain (docs/reference/formats.md)"),

@@ -15,13 +15,14 @@ from coronaryuq.case.anatomy.tree import Tree, placed_stenoses, read_tree
 from coronaryuq.case.case_json import CaseSummary, read_case
 from coronaryuq.case.lowest_ffr import FfrPlaces, ffr_places
 from coronaryuq.case.lumen.profiles import Lumen, lumen_of
-from coronaryuq.case.network.network import LUMEN, VISCOSITY, Network
+from coronaryuq.case.network.network import LUMEN, NARROWED, VISCOSITY, Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.ranks import Ranks
 from coronaryuq.flow3d.mesh.coupling.cut_network import CutNetwork, cut_network
 from coronaryuq.flow3d.mesh.morph.morph import Morph
 from coronaryuq.flow3d.mesh.read_mesh import Domain, read_domain
 from coronaryuq.flow3d.mesh.remesh import Remesher
+from coronaryuq.flow3d.narrowed_lumen import narrowed_lumen
 from coronaryuq.flow3d.shapes import Meshes, Shapes, draw_shapes
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import read_network
@@ -53,7 +54,7 @@ class FlowModel:
     density, viscosity
         Of blood, g/cm3 and poise.
     tree
-        The lumen that the mesh was made from; needed if the network's lumen is uncertain.
+        The lumen that the mesh was made from; needed if the network's lumen is uncertain or narrowed.
     case
         The case, whose arteries have a lowest FFR each; None where that is not asked for.
     """
@@ -78,7 +79,10 @@ class FlowModel:
 
     @cached_property
     def lumen(self) -> Lumen | None:
-        """The uncertain lumen; None if all samples have the mesh's."""
+        """The lumen that differs between samples; None if all have the mesh's."""
+        if NARROWED in self.network:
+            assert self.tree is not None  # read_model checks that there is a tree
+            return narrowed_lumen(self.network, self.tree)
         return lumen_of(self.network)
 
     @cached_property
@@ -126,7 +130,7 @@ class Batch:
     first, count
         Rows to run, from 0.
     tree
-        `tree.vtp`, the lumen that the mesh was made from; needed if the network's lumen is uncertain.
+        `tree.vtp`, the lumen that the mesh was made from; needed if the network's lumen is uncertain or narrowed.
     """
 
     case: str | Path
@@ -142,10 +146,10 @@ class Batch:
         """Read what all samples share; `InputError` names the file at fault."""
         case = read_case(self.case)
         network, domain = read_network(self.network), read_domain(self.mesh_folder, self.mesh)
-        uncertain = LUMEN in network
-        if uncertain and self.tree is None:
-            raise InputError(self.network, LUMEN, None, "the lumen is uncertain: give the case's tree.vtp, too")
-        tree = read_tree(self.tree) if uncertain and self.tree is not None else None
+        changed = next((part for part in (LUMEN, NARROWED) if part in network), None)
+        if changed and self.tree is None:
+            raise InputError(self.network, changed, None, "samples have their own lumen: give the case's tree.vtp, too")
+        tree = read_tree(self.tree) if changed and self.tree is not None else None
         return FlowModel(domain, network, case.aorta.pressure, case.density, case.viscosity, tree=tree, case=case)
 
     def read_samples(self, network: Network) -> list[Sample]:

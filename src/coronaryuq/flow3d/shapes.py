@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from coronaryuq.case.lumen.profiles import Lumen
+from coronaryuq.case.network.network import Network
 from coronaryuq.flow3d.mesh.description import MeshDescription
 from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.morph.morph import Morph
 from coronaryuq.flow3d.mesh.read_mesh import Domain
 from coronaryuq.flow3d.mesh.remesh import Remeshed, Remesher
-
-QUADRATIC = "stenosis_coefficient"
+from coronaryuq.flow3d.narrowed_lumen import QUADRATIC, NarrowedLumen
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,11 @@ class Shapes:
         (samples,) quality of the elements.
     remeshed
         Sample → its own mesh, where the nodes of the segmented lumen's cannot follow.
+    added
+        As `outside` → (samples,) what a throat that lies in this part adds to its coefficient, after the factor.
+    whole
+        "VESSEL.parameter" → (samples,) what narrowings in the mesh add to whole 0D vessels, for the full loop from
+        whose periodic state a run starts.
     """
 
     points: np.ndarray
@@ -43,13 +48,16 @@ class Shapes:
     reasons: list[str]
     quality: list[dict[str, Any]]
     remeshed: Mapping[int, Remeshed] = field(default_factory=dict)
+    added: Mapping[str, np.ndarray] = field(default_factory=dict)
+    whole: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def of(self, members: list[int]) -> "Shapes":
         """Return the lumens of some of the samples."""
-        outside = {name: factor[members] for name, factor in self.outside.items()}
+        tables = (self.outside, self.added, self.whole)
+        outside, added, whole = ({name: value[members] for name, value in table.items()} for table in tables)
         pick = [self.reasons[k] for k in members], [self.quality[k] for k in members]
         remeshed = {k: self.remeshed[member] for k, member in enumerate(members) if member in self.remeshed}
-        return Shapes(self.points[members], self.viscosity[members], outside, *pick, remeshed)
+        return Shapes(self.points[members], self.viscosity[members], outside, *pick, remeshed, added, whole)
 
     def alone(self, member: int) -> "Shapes":
         """Return the lumen of a sample that has a mesh of its own, on that mesh."""
@@ -61,6 +69,25 @@ class Shapes:
         if member in self.remeshed:
             return self.remeshed[member].domain
         return replace(shared, points=self.points[member])
+
+    def start(self, changes: Mapping[str, np.ndarray], loop: Network) -> dict[str, np.ndarray]:
+        """Return the changes (samples,) of the full loop from whose periodic state a run starts."""
+        return _changed(changes, loop, {}, self.whole)
+
+    def beside(self, changes: Mapping[str, np.ndarray], loop: Network) -> dict[str, np.ndarray]:
+        """Return the changes (samples,) of the loop without the mesh."""
+        return _changed(changes, loop, self.outside, self.added)
+
+
+def _changed(
+    changes: Mapping[str, np.ndarray], loop: Network, factors: Mapping[str, np.ndarray], added: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    found = dict(changes)
+    for name in {**factors, **added}:
+        vessel, _, parameter = name.rpartition(".")
+        present = found.get(name, loop.vessel_values(vessel).get(parameter, 0.0))
+        found[name] = factors.get(name, 1.0) * present + added.get(name, 0.0)
+    return found
 
 
 @dataclass(frozen=True)
@@ -98,8 +125,16 @@ def draw_shapes(
                 reasons[k] = f"{spoilt}; {error}"
     # The factors of a vessel none of whose coordinates is given are those of one sample, the centre.
     factors = outside_factors(morph.lumen, domain.description, given)
-    outside = {name: np.broadcast_to(factor, (samples,)) for name, factor in factors.items()}
-    return Shapes(points, viscosity, outside, reasons, quality, remeshed)
+    added: dict[str, np.ndarray] = {}
+    whole: dict[str, np.ndarray] = {}
+    if isinstance(morph.lumen, NarrowedLumen):
+        own, added = morph.lumen.outside(domain.description, given)
+        factors |= {name: factor * factors.get(name, 1.0) for name, factor in own.items()}
+        whole = morph.lumen.additions(given)
+    outside, added, whole = (
+        {name: np.broadcast_to(value, (samples,)) for name, value in table.items()} for table in (factors, added, whole)
+    )
+    return Shapes(points, viscosity, outside, reasons, quality, remeshed, added, whole)
 
 
 def outside_factors(lumen: Lumen, description: MeshDescription, z: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

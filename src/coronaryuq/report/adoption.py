@@ -29,10 +29,11 @@ def adopted(files: Mapping[str, str], *, invented: bool) -> dict[str, Any]:
         told = f"This tests the loop on invented data and says nothing about the patient. {told}"
     return {
         "text": told,
-        "classes": [_class(entry, found["not_in_3d"]) for entry in found["classes"]],
+        "classes": [_class(entry, found["in_lumen"], found["not_in_3d"]) for entry in found["classes"]],
         "gap": _gap(found),
         "zones": _zones(found["zones"]),
         "rows": [_row(row) for row in found["ffr"]],
+        "in_lumen": _in_lumen(found["in_lumen"]),
         "not_in_3d": _not_in_3d(found["not_in_3d"]),
         "note": f"{found['samples']['after']} samples each. {BY_3D}" if found["adopted"] else "",
     }
@@ -63,12 +64,14 @@ def _text(found: Mapping[str, Any]) -> str:
     return "Nothing was adopted into the network, for the reasons below. The campaign's network is its own."
 
 
-def _class(entry: Mapping[str, Any], not_in_3d: Mapping[str, str]) -> list[dict[str, str]]:
+def _class(entry: Mapping[str, Any], in_lumen: Mapping[str, str], not_in_3d: Mapping[str, str]) -> list[dict[str, str]]:
     """Return a row per member: what, where, probability, size with interval, what became of it, and its source."""
     rows = []
     for one in entry["members"]:
         name = one["effect"].replace("_", " ")
-        in_3d = "0D alone" if f"{name} at {one['place']}" in not_in_3d else "0D and the 0D side of 3D"
+        label = f"{name} at {one['place']}"
+        beside = "0D alone" if label in not_in_3d else "0D and the 0D side of 3D"
+        in_3d = "0D and the lumen of 3D" if label in in_lumen else beside
         sizes = (f"{s['name']} {s['value']:.3g} ({s['low']:.3g} to {s['high']:.3g})" for s in one["sizes"])
         rows.append(
             {
@@ -101,6 +104,16 @@ def _predicted(one: Mapping[str, Any]) -> dict[str, Any]:
     zones = [f"{100 * share:.0f} %" for share in one["zones"]]
     failed = f"; {one['failed']} runs failed" if one["failed"] else ""
     return {"ffr": f"{one['median']:.3f} ({one['low']:.3f} to {one['high']:.3f}){failed}", "zones": zones}
+
+
+def _in_lumen(places: Mapping[str, str]) -> str:
+    if not places:
+        return ""
+    listed = "; ".join(f"{name}: {place}" for name, place in places.items())
+    return (
+        f"The lumen of every 3D run is narrowed by the effect that its sample has. {listed}. The throat of a stenosis "
+        "is the one that has, by the published rule, the loss of its vessel and the adopted one together."
+    )
 
 
 def _not_in_3d(refused: Mapping[str, str]) -> str:

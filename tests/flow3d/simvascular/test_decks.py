@@ -8,11 +8,16 @@ import numpy as np
 import pytest
 import pyvista as pv
 
+from coronaryuq.case.anatomy.tree import read_tree
+from coronaryuq.case.network.build import Physics
+from coronaryuq.case.network.network import NARROWED, UNCERTAIN
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.adapter import Sample
+from coronaryuq.flow3d.narrowed_network import Place, content
 from coronaryuq.flow3d.simvascular import coupled_case, svsolver
 from coronaryuq.flow3d.simvascular.svmultiphysics import SvMultiPhysics
 from coronaryuq.flow3d.simvascular.svsolver import SvSolver
+from coronaryuq.zerod.effect_mixture import EffectMixture, Member
 from coronaryuq.zerod.network.numbering import Model
 from coronaryuq.zerod.network.read import check_network, read_network
 from support.sv_case import make_case
@@ -182,3 +187,47 @@ def test_what_an_uncertain_parameter_changes_beside_the_mesh_reaches_the_0d_side
         assert 0 < part < own["LAD.R_poiseuille"] and here["LAD.R_poiseuille"] == pytest.approx(factor * part)
     inside = {"LAD_seg1.R_poiseuille": np.ones(1)} if "LAD_seg1" in case.domain.description.replaces else {}
     assert inside and coupled_case.coupled_json(case, inside, full) == before
+
+
+@pytest.fixture(scope="session")
+def narrowed(case):
+    """The case with an adopted narrowing of the vessel behind its stenosis, which the mesh cuts."""
+    scales = {"pressure": 1.2e5, "period": 1.0, "flow": {"LAD": 2.0}}
+    effects = ("quadratic_stenosis", "diffuse_narrowing")
+    members = tuple(Member(name, "LAD", 0.5, False, (-1.0,), ((0.04,),), {}) for name in effects)
+    network = case.network.deep_copy()
+    network[UNCERTAIN] = [EffectMixture("missing_1", members, scales).content()]
+    tree = read_tree(case.mesh_folder.parents[1] / "tree.vtp")
+    (kept,) = (piece["LAD"] for piece in case.domain.description.pieces)
+    place = Place.of(tree["LAD"], 1.9, 3.0, kept)
+    network[NARROWED] = content({("missing_1", 0): place, ("missing_1", 1): place}, Physics())
+    return replace(case, network=network, tree=tree)
+
+
+def test_a_sample_with_a_narrowing_gets_a_mesh_of_its_own_and_the_0d_part_its_share(narrowed, tmp_path):
+    sample = Sample("s1", 0, {"BC_LAD": 1.0, "missing_1_size": 0.5, "missing_1_member": 1.0})
+    drawn = narrowed.drawn(sample, tmp_path / "mesh")
+    read = pv.read(tmp_path / "mesh" / "mesh-complete.mesh.vtu")
+    np.testing.assert_allclose(read.points, drawn.domain.points, atol=1e-6)
+    moved = np.linalg.norm(drawn.domain.points - narrowed.domain.points, axis=1)
+    assert moved.max() > 1e-3
+    assert moved[narrowed.domain.points[:, 1] < 1.9 - 0.15].max() < 0.01 * moved.max()
+    before, after = beside(narrowed), beside(drawn)
+    assert after["LAD.R_poiseuille"] > 1.01 * before["LAD.R_poiseuille"] and after["LAD.L"] > before["LAD.L"]
+    assert {name for name in before if before[name] != after[name]} == {"LAD.R_poiseuille", "LAD.L"}
+
+
+def test_the_run_starts_from_the_loop_with_the_narrowing(narrowed, tmp_path):
+    pressure = []
+    for size in (-30.0, 2.0):
+        sample = Sample("s2", 0, {"BC_LAD": 1.0, "missing_1_size": size, "missing_1_member": 1.0})
+        case = narrowed.drawn(sample, tmp_path / "mesh")
+        coupled_case.begin(case, sample, tmp_path / "run")
+        start = json.loads((tmp_path / "run" / coupled_case.NETWORK).read_text())["initial_condition"]
+        pressure.append(start["pressure:LAD:BC_LAD"])
+    assert pressure[1] < 0.99 * pressure[0]
+
+
+def beside(case):
+    full = dict.fromkeys(case.engine.state_names, 0.0)
+    return Model(coupled_case.coupled_json(case, {}, full)).parameters

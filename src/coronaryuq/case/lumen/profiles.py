@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.lumen.law import LumenLaw, VesselLaw
+from coronaryuq.case.lumen.throat_loss import throat_loss
 from coronaryuq.case.network.build import Segment, shape_integrals
 from coronaryuq.case.network.entrances import entrance_share
 from coronaryuq.case.network.network import LUMEN, UNCERTAIN, Network
@@ -74,24 +75,11 @@ class Profile:
         """Return what the stenosis coefficient is proportional to, (samples,) for radii (samples, n)."""
         total = np.zeros(len(radii))
         if self.stenosis:
-            segmented = float(_loss(self.radii[None], self.law.arc)[0])
-            total += (1.0 - self.entrance) * (_loss(radii, self.law.arc) / segmented if segmented > 0.0 else 1.0)
+            segmented = float(throat_loss(self.radii[None], self.law.arc)[0])
+            total += (1.0 - self.entrance) * (throat_loss(radii, self.law.arc) / segmented if segmented > 0.0 else 1.0)
         if self.entrance:
             total += self.entrance * (np.median(self.radii) / np.median(radii, axis=1)) ** 4
         return total
-
-
-def _loss(radii: np.ndarray, arc: np.ndarray) -> np.ndarray:
-    """Return what the stenosis coefficient is proportional to: A_0⁻² (A_0/A_s − 1)², (samples,) for radii (samples, n).
-
-    A_0 in the factor is the area where the stenosis begins, in the ratio that between its ends at the throat, as in
-    `case.network.build`.
-    """
-    throat = np.argmin(radii, axis=1)
-    rows = np.arange(len(radii))
-    along = (arc[throat] - arc[0]) / (arc[-1] - arc[0])
-    healthy = radii[:, 0] * (1.0 - along) + radii[:, -1] * along
-    return radii[:, 0] ** -4 * ((healthy / radii[rows, throat]) ** 2 - 1.0) ** 2
 
 
 @dataclass(frozen=True)
@@ -138,6 +126,10 @@ class Lumen:
         for k, profile in enumerate(own):
             log_ratio[:, parts == k] = profile.law.log_ratio(arc[parts == k], z)
         return np.exp(log_ratio)
+
+    def knots(self, vessel: str) -> list[np.ndarray]:
+        """Return arc lengths (n,) cm of a tree vessel, between which the logarithm of the ratio is linear."""
+        return [profile.law.arc for profile in self.profiles.values() if profile.vessel == vessel]
 
 
 class _Profile(BaseModel):

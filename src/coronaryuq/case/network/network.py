@@ -14,6 +14,8 @@ VISCOSITY = "viscosity"
 """Name of the uncertain parameter that multiplies the viscosity in 3D, too."""
 LUMEN = "lumen"
 """Another: see `case.lumen.profiles`."""
+NARROWED = "narrowed"
+"""Another: see `flow3d.narrowed_network`."""
 ENTRANCE = "entrance"
 """Entry of a vessel that svZeroDSolver ignores: see `case.network.entrances`."""
 
@@ -130,7 +132,7 @@ class Network(dict[str, Any]):
 
     def for_svzerodsolver(self) -> "Network":
         """Return the network without the parts that svZeroDSolver does not know; blocks are not copied."""
-        return Network({key: value for key, value in self.items() if key not in (UNCERTAIN, LUMEN)})
+        return Network({key: value for key, value in self.items() if key not in (UNCERTAIN, LUMEN, NARROWED)})
 
     def deep_copy(self) -> "Network":
         """Copy the network and all its blocks, much faster than the general `copy.deepcopy`."""

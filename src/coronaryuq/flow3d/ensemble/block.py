@@ -116,8 +116,9 @@ class Block:
 
     def run(self) -> list[Outcome]:
         cpu, wall = time.process_time(), time.perf_counter()
+        loop = self.changes if self.shapes is None else self.shapes.start(self.changes, self.model.network)
         result = self.model.engine.run_to_periodic(
-            self.changes, periodicity=Periodicity(tolerance=1e-5), start=self.first_state
+            loop, periodicity=Periodicity(tolerance=1e-5), start=self.first_state
         )
         status = np.broadcast_to(result.status, (LANES,))
         self.reasons = ["" if lane == "ok" else f"0D start: {lane}" for lane in status]
@@ -164,10 +165,7 @@ class Block:
         """Return the changes of the network outside 3D."""
         coupled = self.model.coupled
         changes = coupled.changes(self.changes)
-        for name, factor in ({} if self.shapes is None else self.shapes.outside).items():
-            vessel, _, parameter = name.rpartition(".")
-            changes[name] = factor * changes.get(name, coupled.network.vessel_values(vessel)[parameter])
-        return changes
+        return changes if self.shapes is None else self.shapes.beside(changes, coupled.network)
 
     def _failure(self, k: int) -> Outcome:
         # Without a periodic 0D state smaller steps are no help.

@@ -90,8 +90,7 @@ def drawn_tree(tree: Tree, lumen: Lumen, z: Mapping[str, float]) -> Tree:
     one = {name: np.array([value]) for name, value in z.items() if name in lumen.names}
     drawn = []
     for vessel in tree:
-        knots = [p.law.arc for p in lumen.profiles.values() if p.vessel == vessel.name]
-        arc = np.clip(np.unique(np.concatenate([vessel.arc, *knots])), 0.0, vessel.length)
+        arc = np.clip(np.unique(np.concatenate([vessel.arc, *lumen.knots(vessel.name)])), 0.0, vessel.length)
         arc = arc[np.r_[True, np.diff(arc) > 1e-9]]
         radii = vessel.radius_at(arc) * lumen.ratio(vessel.name, arc, one)[0]
         drawn.append(replace(vessel, points=vessel.position_at(arc), radii=radii))

@@ -2,7 +2,7 @@
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +13,7 @@ from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.vtk import write_vtk
 from coronaryuq.flow3d.adapter import FlowModel, Sample
 from coronaryuq.flow3d.mesh.generation import folder
+from coronaryuq.flow3d.shapes import Shapes
 from coronaryuq.flow3d.simvascular.program import RunFailed
 from coronaryuq.flow3d.simvascular_settings import SimVascularSettings
 from coronaryuq.zerod.network.changes import with_changes
@@ -30,13 +31,13 @@ ZEROD_DATA = "svZeroD_data"
 class CoupledCase(FlowModel):
     """What all samples share, with the mesh as a `mesh-complete` folder and the settings of the SimVascular codes.
 
-    low_shear: wall shear stress below which it counts as low, dyn/cm2; outside: see `Shapes`, of the sample's lumen.
+    low_shear: wall shear stress below which it counts as low, dyn/cm2; shape: lumen of the sample, None: the mesh's.
     """
 
     mesh_folder: Path
     settings: SimVascularSettings
     low_shear: float
-    outside: Mapping[str, float] = field(default_factory=dict)
+    shape: Shapes | None = None
 
     @classmethod
     def of(
@@ -61,12 +62,11 @@ class CoupledCase(FlowModel):
         else:
             mesh = replace(folder.read(self.mesh_folder), points=shapes.points[0])
         folder.write(mesh_folder, mesh)
-        outside = {name: float(factor[0]) for name, factor in shapes.outside.items()}
         return replace(
             self,
             domain=shapes.domain(0, self.domain),
             mesh_folder=mesh_folder,
-            outside=outside,
+            shape=shapes,
             viscosity=float(shapes.viscosity[0]),
         )
 
@@ -106,7 +106,8 @@ def begin(case: CoupledCase, sample: Sample, run: Path) -> None:
     run.mkdir(parents=True)
     (run / MESH).symlink_to(case.mesh_folder, target_is_directory=True)
     changes = theta_changes(case.network, {name: np.array([value]) for name, value in sample.theta.items()})
-    result = case.engine.run_to_periodic(changes, periodicity=Periodicity(tolerance=1e-5))
+    loop = changes if case.shape is None else case.shape.start(changes, case.network)
+    result = case.engine.run_to_periodic(loop, periodicity=Periodicity(tolerance=1e-5))
     if result.status[0] != "ok":
         raise RunFailed(f"0D start: {result.status[0]}")
     full = dict(zip(case.engine.state_names, result.state[0].tolist(), strict=True))
@@ -121,10 +122,10 @@ def begin(case: CoupledCase, sample: Sample, run: Path) -> None:
 
 def coupled_json(case: CoupledCase, changes: Mapping[str, np.ndarray], full: Mapping[str, float]) -> Network:
     """Return the 0D side for svZeroDSolver's library: this sample's values, starting from its periodic state."""
-    own = {name: float(np.ravel(value)[0]) for name, value in case.coupled.changes(changes).items()}
-    for name, factor in case.outside.items():
-        vessel, _, parameter = name.rpartition(".")
-        own[name] = factor * own.get(name, case.coupled.network.vessel_values(vessel)[parameter])
+    beside = case.coupled.changes(changes)
+    if case.shape is not None:
+        beside = case.shape.beside(beside, case.coupled.network)
+    own = {name: float(np.ravel(value)[0]) for name, value in beside.items()}
     network = with_changes(case.coupled.network, own).for_svzerodsolver()
     network["simulation_parameters"] = {
         "coupled_simulation": True,

@@ -15,6 +15,7 @@ from coronaryuq.case.network.network import (
     HEART,
     HEART_TYPE,
     LUMEN,
+    NARROWED,
     UNCERTAIN,
     Network,
 )
@@ -48,6 +49,7 @@ _TOP = {
     "chambers",
     UNCERTAIN,
     LUMEN,
+    NARROWED,
 }
 _SIMULATION = {
     "coupled_simulation": bool,
