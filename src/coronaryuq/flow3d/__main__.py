@@ -22,7 +22,9 @@ def main() -> int:
         "records", metavar="RECORDS", help="output file, .jsonl; checkpoints and fields are written to its folder"
     )
     parser.add_argument("--settings", default="{}", metavar="JSON", help="block `flow3d` of a configuration")
-    parser.add_argument("--tree", metavar="TREE", help="tree.vtp of the case; needed if its lumen is uncertain")
+    parser.add_argument(
+        "--tree", metavar="TREE", help="tree.vtp of the case; needed if its lumen is uncertain or narrowed"
+    )
     parser.add_argument("--first", type=int, default=0, help="first row of the table to run, from 0")
     parser.add_argument("--count", type=int, help="number of rows (default: all that follow)")
     parser.add_argument("--mpi", action="store_true", help="under mpiexec or srun: divide the samples among its ranks")
