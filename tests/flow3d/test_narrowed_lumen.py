@@ -1,14 +1,18 @@
 """Adopted narrowings in the lumen of samples: of the member that acts, by its size, in and outside the mesh."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.lumen.throat_loss import throat_loss
 from coronaryuq.case.network.build import Physics, elements, shape_integrals, stenosis_coefficient
 from coronaryuq.case.network.network import NARROWED
 from coronaryuq.core.errors import InputError
 from coronaryuq.flow3d.mesh.generation import quality
+from coronaryuq.flow3d.mesh.remesh import drawn_tree
 from coronaryuq.flow3d.narrowed_lumen import narrowed_lumen
 from coronaryuq.zerod.effects.library import effect
 from support.loops import RADIUS
@@ -169,6 +173,13 @@ def test_a_focal_stenosis_beyond_the_cap_stays_in_0d_and_one_before_it_is_in_the
     assert bool((model.lumen.ratio("B", ARC, theta)[0] < 1.0).any()) == inside
     assert bool(shapes.added) == (not inside)
     assert set(shapes.whole) == {"B.stenosis_coefficient", "B.R_poiseuille"}
+
+
+def test_a_lumen_that_is_meshed_anew_has_the_shape_between_the_points_of_a_coarse_centreline():
+    model = narrowed(STENOSIS)
+    coarse = Tree([replace(model.tree["B"], points=model.tree["B"].points[::40], radii=np.full(4, RADIUS))])
+    drawn = drawn_tree(coarse, narrowed_lumen(model.network, coarse), {SIZE: 0.0})["B"]
+    assert rule(drawn.radius_at(ARC)) == pytest.approx(coefficient("quadratic_stenosis"), rel=1e-2)
 
 
 def test_a_part_that_does_not_fit_the_network_names_the_file():
