@@ -175,6 +175,16 @@ def test_a_focal_stenosis_beyond_the_cap_stays_in_0d_and_one_before_it_is_in_the
     assert set(shapes.whole) == {"B.stenosis_coefficient", "B.R_poiseuille"}
 
 
+@pytest.mark.parametrize("error", [None, COMMON])
+def test_blood_enters_faster_into_a_narrowed_inlet(error):
+    """The 0D part ahead of the cap has the term of Bernoulli's equation: with the fourth power of the cap's radius."""
+    model = narrowed([member("diffuse_narrowing")], error=error, meshed=(0.4, LENGTH), entrance=1.0)
+    plain, drawn = (model.shapes({SIZE: np.array([z])}, 1).outside["B.stenosis_coefficient"][0] for z in (-40.0, 1.0))
+    ratio = [model.lumen.ratio("B", 0.4, {SIZE: np.array([z])})[0, 0] for z in (-40.0, 1.0)]
+    assert ratio[1] < 0.95 * ratio[0]
+    assert drawn / plain == pytest.approx((ratio[0] / ratio[1]) ** 4, rel=1e-9)
+
+
 def test_a_lumen_that_is_meshed_anew_has_the_shape_between_the_points_of_a_coarse_centreline():
     model = narrowed(STENOSIS)
     coarse = Tree([replace(model.tree["B"], points=model.tree["B"].points[::40], radii=np.full(4, RADIUS))])

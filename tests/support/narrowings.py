@@ -1,7 +1,6 @@
 """The tube of `support.loops`, longer, with adopted narrowings in its lumen."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +9,7 @@ from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import with_lumen
 from coronaryuq.case.network.build import Physics, Segment, elements
-from coronaryuq.case.network.network import NARROWED, UNCERTAIN
+from coronaryuq.case.network.network import ENTRANCE, NARROWED, UNCERTAIN
 from coronaryuq.core.units import BLOOD_DENSITY as DENSITY
 from coronaryuq.core.units import BLOOD_VISCOSITY as VISCOSITY
 from coronaryuq.flow3d.adapter import FlowModel
@@ -41,10 +40,12 @@ def narrowed(
     radii: np.ndarray | None = None,
     rings: int = 3,
     meshed: tuple[float, float] = (0.0, LENGTH),
+    entrance: float = 0.0,
 ) -> FlowModel:
     """The loop with an effect of B that is one of `members`, of which those `in_lumen` narrow it.
 
-    meshed: the part of B in 3D, which the mesh cuts if it is not the whole; its nodes are those of the whole.
+    meshed: the part of B in 3D, which the mesh cuts if it is not the whole; its nodes are those of the whole. entrance:
+    share of the stenosis coefficient of B that speeds the blood up.
     """
     z = np.linspace(0.0, LENGTH, 121)
     own = np.full(len(z), RADIUS) if radii is None else radii
@@ -52,6 +53,9 @@ def narrowed(
     loop = network()
     loop.vessel_values("B").update({k: v for k, v in elements(tree["B"], Physics()).items() if k != "C"})
     loop.vessel("B")["vessel_length"] = LENGTH
+    if entrance:
+        loop.vessel("B")[ENTRANCE] = entrance
+        loop.vessel_values("B")["stenosis_coefficient"] = 100.0
     if error is not None:
         loop = with_lumen(loop, tree, [Segment("B", "B", 0.0, LENGTH)], lumen_law(tree, [], error))
     mixture = EffectMixture("missing_1", tuple(members), SCALES)
@@ -64,10 +68,10 @@ def narrowed(
     described = MeshDescription(faces=short.faces, replaces=["B"], pieces=[{"B": meshed}], regions={}, planes={})
     if meshed != (0.0, LENGTH):
         shares = [dict.fromkeys(("R_poiseuille", "L", "C"), part / LENGTH) for part in (meshed[0], LENGTH - meshed[1])]
-        sides = [share | {"stenosis_coefficient": 0.0} if share["L"] else None for share in shares]
+        sides = [share | {"stenosis_coefficient": entrance} if share["L"] else None for share in shares]
         cut = Remainder(upstream=sides[0], downstream=sides[1])
         described = described.model_copy(update={"replaces": [], "cut": {"B": cut}})
     plane = (np.array([0.0, 0.0, 0.9 * LENGTH]), np.array([0.0, 0.0, 1.0]))
     wall = faces["wall"]
     shape = Domain(points, tets, caps, ["inlet"], {"LAD": wall[: len(wall) // 2]}, {"LAD": plane}, described)
-    return replace(FlowModel(shape, loop, "A:J0", DENSITY, VISCOSITY, tree=tree))
+    return FlowModel(shape, loop, "A:J0", DENSITY, VISCOSITY, tree=tree)
