@@ -7,6 +7,9 @@ import pytest
 from coronaryuq.campaign.files import KINDS, kind_of, units
 from coronaryuq.campaign.index import describe_results, write_index
 from coronaryuq.core.io.atomic import write_json, write_text
+from coronaryuq.discrepancy.result.pullback_table import KEPT
+from coronaryuq.discrepancy.result.source_table import COLUMNS as SOURCE
+from coronaryuq.discrepancy.result.write import WRITTEN
 
 
 @pytest.fixture
@@ -40,6 +43,17 @@ def test_files_columns_and_units_are_listed(home):
 def test_an_unknown_column_has_no_unit():
     assert units("runs/outputs_3d.csv", ["sample", "ffr_rca", "surprise"]) == {"sample": "text", "ffr_rca": "1"}
     assert kind_of("posterior/surprise.csv") is None and units("posterior/surprise.csv", ["x"]) == {}
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_every_file_that_a_search_may_write_is_described(name):
+    case = "pairs" if name in ("pairs.csv", "laws.csv") else "case"
+    assert kind_of(f"discrepancy/{case}/found/{name}") is not None
+
+
+def test_every_column_of_a_search_s_tables_has_a_unit():
+    for name, columns in (("source.csv", SOURCE), ("pullback.csv", (*KEPT, "vessel", "acting", "named"))):
+        assert set(units(f"discrepancy/case/found/{name}", list(columns))) == set(columns)
 
 
 def test_every_meaning_and_unit_is_written_out():

@@ -52,6 +52,7 @@ rule discrepancy_search:
         tree=paths.discrepancy("{case}", "found", "tree.csv"),
         gap=paths.discrepancy("{case}", "found", "gap.csv"),
         pullback=paths.discrepancy("{case}", "found", "pullback.csv"),
+        source=paths.discrepancy("{case}", "found", "source.csv"),
         cost=cost_of("discrepancy_search_{case}.json"),
     log:
         log_of("discrepancy_search", "{case}.log"),

@@ -69,16 +69,28 @@ EFFECT: Columns = (
     ("score", "score test, in standard deviations", "1"),
     ("accepted", "whether the round added it", "yes/no"),
     ("unit", "unit of the size", "text"),
-    ("size(_low|_high)?", "size of the effect, with its 95 % interval", "unit of the effect's parameter"),
+    ("size(_low|_high)?", "size of the effect, with its 90 % interval", "unit of the effect's parameter"),
     ("(posterior|prior)", "density of the size", "1 over the unit of the size"),
     ("named", "whether the search named it", "yes/no"),
 )
 GAP: Columns = (
     ("model", "compared model", "text"),
     ("misfit", "root mean square of the held-out residuals, in standard deviations", "1"),
-    ("(low|high)", "95 % interval of the misfit", "1"),
+    ("(low|high)", "90 % interval of the misfit", "1"),
     ("log_predictive_density", "mean log predictive density of the held-out values", "1"),
     ("expected_misfit", "misfit expected from noise alone", "1"),
+)
+PULLBACK: Columns = (
+    *MEASUREMENTS,
+    ("distance_mm", "distance along the path of the wire", "mm"),
+    ("vessel", "vessel of the reading", "text"),
+    ("acting", "effects of the best hypothesis that act there", "text"),
+)
+SOURCE: Columns = (
+    ("condition", "condition", "text"),
+    ("phase", "time as a share of the beat", "1"),
+    ("(flow|low|high)", "flow that leaves at the end of the vessel, and its 90 % interval", "mL/s"),
+    ("vessel", "the vessel", "text"),
 )
 PAIRS: Columns = (
     *SAMPLE,

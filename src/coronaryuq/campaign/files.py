@@ -137,6 +137,16 @@ KINDS = (
         columns.EFFECT,
     ),
     Kind(r"discrepancy/[^/]+/found/tree\.csv", "vessels with the misfit measured at their ends", columns.TREE),
+    Kind(
+        r"discrepancy/[^/]+/found/pullback\.csv",
+        "readings of each pullback, and the model before and after",
+        columns.PULLBACK,
+    ),
+    Kind(
+        r"discrepancy/[^/]+/found/source\.csv",
+        "waveform of an unknown source of flow, where the search names nothing",
+        columns.SOURCE,
+    ),
     Kind(r"discrepancy/[^/]+/(?:found|known)/gap\.csv", "held-out misfit of the models", columns.GAP),
     Kind(r"discrepancy/[^/]+/known/gap\.json", "held-out misfit with the true effect"),
     Kind(r"discrepancy/pairs/found/pairs\.csv", "pairs of measured and simulated values", columns.PAIRS),

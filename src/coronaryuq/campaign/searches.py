@@ -131,12 +131,19 @@ class Searches:
             for case, files in self.cases.items()
             for name in (*TABLES, *(["pullback"] if has_pullback(files["measurements"]) else []))
         }
+        # A recorded artery is an open loop, in which an unknown source of flow has a node.
+        tables |= {(animal, "source"): self.paths.discrepancy(animal, "found", "source.csv") for animal in self.animals}
         if INVENTED in self.cases:
             tables[INVENTED, "gap"] = self.paths.discrepancy(INVENTED, "known", "gap.csv")
         if self.settings.pairs:
             for name, table in PAIRS_TABLES.items():
                 tables["pairs", name] = self.paths.discrepancy("pairs", "found", f"{table}.csv")
         return tables
+
+    @property
+    def animals(self) -> list[str]:
+        """Recorded animals."""
+        return [animal for animal in self.settings.animals if animal in self.cases]
 
     @cached_property
     def of_patient(self) -> list[str]:

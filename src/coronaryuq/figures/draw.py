@@ -31,6 +31,7 @@ FIGURES: dict[str, str] = {
     "discrepancy_sizes": "coronaryuq.figures.discrepancy:sizes",
     "discrepancy_gap": "coronaryuq.figures.discrepancy:gap",
     "discrepancy_pullback": "coronaryuq.figures.pullback:pullback",
+    "discrepancy_source": "coronaryuq.figures.flow_source:flow_source",
     "discrepancy_pairs": "coronaryuq.figures.discrepancy:pairs",
     "discrepancy_pairs_gap": "coronaryuq.figures.discrepancy:pairs_gap",
     "discrepancy_pairs_effects": "coronaryuq.figures.discrepancy:pairs_effects",

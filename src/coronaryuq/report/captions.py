@@ -174,6 +174,14 @@ SEARCHES = {
         "A step that no line follows.",
         "Look for a lesion or a branch at that distance.",
     ),
+    "source": Caption(
+        "Unknown source of flow",
+        "Flow that would have to leave at the end of the vessel for the model to agree with the measurements, with "
+        "90 % intervals, where the search names nothing.",
+        "The same waveform, in proportion to pressure or its rate of change, in every condition.",
+        "A waveform of its own in every condition.",
+        "Ask what takes blood there at that time of the beat: a branch, a collateral, a compliance.",
+    ),
     "gap": Caption(
         "Misfit on held-out data",
         "Misfit on held-out measurements, with 90 % intervals: residuals divided by the standard deviation "

@@ -79,7 +79,7 @@ def paragraph(answer: Mapping) -> str:
             "stated standard deviations. Check the stated standard deviations; no effect is named."
         )
     if answer["outside_library"]:
-        return text + _outside_library(answer, held_out)
+        return text + _outside_library(answer, held_out) + _source(answer["unknown_source"])
     if not answer["named"]:
         text += f"No effect of the library explains this well enough to be named{nearest_text(facts['likeliest'])}. "
     for number, effect in enumerate(answer["named"]):
@@ -146,6 +146,24 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"{capitalised(_shape_text(gaps))} {change}"
         )
     return f"{start}: {reason}"
+
+
+def _source(found: Mapping | None) -> str:
+    """State where an unknown source of flow would explain most, and which law its waveform follows."""
+    if not found or "vessel" not in found:
+        return ""
+    best = f" Of unknown sources of flow, one at the end of {found['vessel']} explains most"
+    nats = found["nodes"][0]["nats"]
+    rivals = [one["vessel"] for one in found["nodes"][1:] if one["nats"] > nats - RULE.class_odds]
+    text = f"{best} ({nats:.0f} nats{f'; {listed(rivals)} as well' if rivals else ''})"
+    probability = found["laws"][found["law"]]
+    if found["law"] not in found["says"]:
+        return f"{text}; its waveform follows none of the laws tried (probability {probability:.2f})."
+    size, low, high = found["sizes"][found["law"]]
+    return (
+        f"{text}; its waveform is {found['says'][found['law']]} (probability {probability:.2f}), with a mean of "
+        f"{size:.2g} ({low:.2g} to {high:.2g}) of the vessel's flow."
+    )
 
 
 def _shape_text(gaps: Mapping) -> str:

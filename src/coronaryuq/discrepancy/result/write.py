@@ -19,6 +19,7 @@ from coronaryuq.discrepancy.inference.noise import with_correlated
 from coronaryuq.discrepancy.result.facts import Z_90, facts, prior_conflicts
 from coronaryuq.discrepancy.result.pullback_table import pullback_table
 from coronaryuq.discrepancy.result.repair import repaired
+from coronaryuq.discrepancy.result.source_table import source_entry, source_table
 from coronaryuq.discrepancy.result.vessels_of import vessels_of
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
@@ -83,6 +84,7 @@ def summary(found: Discovery) -> dict:
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
         "decision_rule": asdict(RULE),
+        "unknown_source": source_entry(found.nodes, found.source),
         "facts": facts(found),
     }
 
@@ -175,7 +177,15 @@ def _scales(anatomy: Anatomy) -> dict:
 
 WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
-    *("gap.csv", "pullback.csv", "repaired.json", "measurements.csv", "conditions.yaml", "difference.txt"),
+    *(
+        "gap.csv",
+        "pullback.csv",
+        "source.csv",
+        "repaired.json",
+        "measurements.csv",
+        "conditions.yaml",
+        "difference.txt",
+    ),
     *("pairs.csv", "laws.csv", "effects.csv"),
 )
 """All files that a search may write, apart from the folder `drives`."""
@@ -196,8 +206,8 @@ def clear(folder: Path) -> None:
 def write(found: Discovery, folder: Path) -> dict:
     """Write all files into `folder` and return the summary.
 
-    discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; pullback.csv; and,
-    unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
+    discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; pullback.csv; source.csv;
+    and, unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
     """
     answer = summary(found)
     mended = (
@@ -214,6 +224,7 @@ def write(found: Discovery, folder: Path) -> dict:
         "tree.csv": _tree(found),
         "gap.csv": _gaps(found),
         "pullback.csv": pullback_table(found, residuals),
+        "source.csv": source_table(found.source),
     }
     clear(folder)
     for name, table in tables.items():

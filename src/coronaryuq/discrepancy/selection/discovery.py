@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, Answer
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round, Rounds
+from coronaryuq.discrepancy.selection.unknown_source import UnknownSource
 from coronaryuq.zerod.effects.base import Parameter
 
 
@@ -46,6 +47,9 @@ class Discovery:
         Candidates scored beside effects, over all rounds.
     outliers
         Samples that stand out from their neighbours, and were left out.
+    nodes, source
+        Where something else is missing in an open loop: what an unknown source of flow at each node adds, and that
+        which adds most; see `unknown_source`.
     """
 
     base_problem: Problem
@@ -65,6 +69,8 @@ class Discovery:
     candidates_tested: int = 0
     noise: dict[str, Noise] = field(default_factory=dict)
     outliers: list[Outlier] = field(default_factory=list)
+    nodes: list[tuple[str, float]] = field(default_factory=list)
+    source: UnknownSource | None = None
 
     @property
     def outside_library(self) -> bool:

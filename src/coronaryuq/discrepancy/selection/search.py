@@ -21,7 +21,7 @@ from coronaryuq.discrepancy.inference.noise import Noise, estimated_noise, noise
 from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import with_noise
-from coronaryuq.discrepancy.selection.answer import answer, beyond
+from coronaryuq.discrepancy.selection.answer import ALONE, OTHER, answer, beyond
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import Candidate, Rounds, all_candidates, best_of_effects
 from coronaryuq.discrepancy.selection.confirmation import confirm
@@ -29,6 +29,7 @@ from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.forward_step import forward_step
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
+from coronaryuq.discrepancy.selection.unknown_source import UnknownSource, unknown_source
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import SEARCHED
 
@@ -140,6 +141,13 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
         [priors[placed] for placed in state.hypothesis],
         list({candidate.effect.name: candidate.effect for candidate in start.candidates}.values()),
     )
+    nodes: list[tuple[str, float]] = []
+    source: UnknownSource | None = None
+    if start.alarm and weighed.given == OTHER:
+        # Where the effects found are taken to be something else themselves, the source stands in for them.
+        alone = weighed.leading_form == ALONE
+        seen = (base_problem, base.z, PLAIN) if alone else (state.problem, state.fit.z, state.hypothesis)
+        nodes, source = unknown_source(*seen)
     return Discovery(
         base_problem=base_problem,
         base=base,
@@ -156,6 +164,8 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
         folds=folds,
         measured=problem.forward.measured,
         candidates_tested=state.tested,
+        nodes=nodes,
+        source=source,
     )
 
 

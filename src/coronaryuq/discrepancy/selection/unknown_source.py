@@ -1,0 +1,216 @@
+"""Where something else is missing: an unknown source of flow at each node, its waveform, and a law that it may follow.
+
+About the fit the measurements respond linearly to the weights of a source's waveform, half of which it has in common in
+all conditions and half in each by itself. So the evidence of a source at a node, the waveform there and the evidence of
+a law for it, q = g P, q = C dP/dt or q = g Q with P and Q at that node, have closed forms; of a law the waveform under
+every condition is known up to one size.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.inference.cross_validation import Linear, linearise, of_all
+from coronaryuq.discrepancy.inference.flexible import Posterior
+from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.zerod.effects.flow_source import FlowSource, basis
+
+SCALES = (0.03, 0.1, 0.3, 1.0)
+"""Standard deviations of a source's mean over the mean flow of its vessel, equally likely."""
+POINTS = 120
+"""Phases at which waveforms are evaluated."""
+SOURCE = FlowSource()
+FREE = "free waveform"
+LAWS = {
+    "leak": "in proportion to pressure, as through a resistance",
+    "storage": "in proportion to the rate of change of pressure, as into a compliance",
+    "share of the flow": "in proportion to the flow, as an error of its measurement or of a bed's share",
+    "constant": "constant",
+}
+"""Laws of a source, and what they say of it."""
+
+
+@dataclass(frozen=True)
+class UnknownSource:
+    """A source of flow at one node; positive: blood leaves there.
+
+    Attributes
+    ----------
+    place
+        The vessel at whose end it is.
+    log_evidence
+        Of all data, of the model with it as right; the model without it has `without`.
+    waveforms
+        Condition → mean (`POINTS`,) and standard deviation of the flow at even phases of the beat, mL/s.
+    laws
+        Law, or `FREE` → probability; they add up to 1.
+    sizes
+        Law → size and its standard deviation: of the source's mean magnitude, over the mean flow of the vessel.
+    """
+
+    place: str
+    log_evidence: float
+    without: float
+    waveforms: dict[str, tuple[np.ndarray, np.ndarray]]
+    laws: dict[str, float]
+    sizes: dict[str, tuple[float, float]]
+
+    @property
+    def law(self) -> str:
+        """The most probable law, or `FREE`."""
+        return max(self.laws, key=lambda name: self.laws[name])
+
+
+def unknown_source(
+    problem: Problem, z: np.ndarray, hypothesis: Hypothesis
+) -> tuple[list[tuple[str, float]], UnknownSource | None]:
+    """Seek an unknown source of flow at every node of an open loop.
+
+    Parameters
+    ----------
+    problem, z, hypothesis
+        Measurements, and a fit (p,) of a hypothesis.
+
+    Returns
+    -------
+    nodes
+        Vessel and the nats that a source at its end adds to the log evidence, the largest first.
+    source
+        That of the first; None if there is no node, or if none adds anything.
+    """
+    forward = problem.forward
+    places = SOURCE.places(forward.anatomy, forward.measured)
+    if not places:
+        return [], None
+    model = linearise(problem, z, hypothesis)
+    without = of_all(problem, model).right
+    found = []
+    for place in places:
+        responses = _responses(problem, model.z, hypothesis, place)
+        if np.isfinite(responses).all():
+            columns = _columns(problem, responses)
+            found.append((place, responses, _averaged([_right(problem, model, scale * columns) for scale in SCALES])))
+    found.sort(key=lambda one: -one[2])
+    nodes = [(place, evidence - without) for place, _, evidence in found]
+    if not found or nodes[0][1] <= 0.0:
+        return nodes, None
+    place, responses, evidence = found[0]
+    return nodes, _described(problem, model, hypothesis, place, responses, evidence, without)
+
+
+def _described(
+    problem: Problem, model: Linear, hypothesis: Hypothesis, place: str, responses: np.ndarray, evidence: float,
+    without: float,
+) -> UnknownSource:  # fmt: skip
+    """Return waveform and laws of the source at one place."""
+    evidences, sizes = {FREE: evidence}, {}
+    for law, column in _laws(problem, model.z, hypothesis, place, responses).items():
+        alternatives = [of_all(problem, model.extended(scale * column[:, None])) for scale in SCALES]
+        evidences[law] = _averaged([one.right for one in alternatives])
+        sizes[law] = _size(alternatives)
+    total = logsumexp(list(evidences.values()))
+    laws = {name: float(np.exp(value - total)) for name, value in evidences.items()}
+    return UnknownSource(place, evidence, without, _waveforms(problem, model, place, responses), laws, sizes)
+
+
+def _waveforms(
+    problem: Problem, model: Linear, place: str, responses: np.ndarray
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return `UnknownSource.waveforms` at the most probable scale."""
+    columns, shapes = _columns(problem, responses), _standard_basis()
+    posteriors = [of_all(problem, model.extended(scale * columns)) for scale in SCALES]
+    best = int(np.argmax([one.right for one in posteriors]))
+    mean, covariance = posteriors[best].moments()
+    count, flow = columns.shape[1], SCALES[best] * problem.forward.anatomy.flow_scale(place)
+    found = {}
+    for number, name in enumerate(problem.forward.conditions):
+        own = np.zeros((len(shapes), count))
+        for part in (0, number + 1):
+            own[:, part * len(shapes) : (part + 1) * len(shapes)] = np.sqrt(0.5) * np.eye(len(shapes))
+        spread = own @ covariance[-count:, -count:] @ own.T
+        sd = np.sqrt(np.einsum("kt,kl,lt->t", shapes, spread, shapes))
+        found[name] = flow * (own @ mean[-count:] @ shapes), flow * sd
+    return found
+
+
+def _size(alternatives: Sequence[Posterior]) -> tuple[float, float]:
+    best = int(np.argmax([one.right for one in alternatives]))
+    mean, covariance = alternatives[best].moments()
+    return float(SCALES[best] * mean[-1]), float(SCALES[best] * np.sqrt(covariance[-1, -1]))
+
+
+def _responses(problem: Problem, z: np.ndarray, hypothesis: Hypothesis, place: str) -> np.ndarray:
+    """Return the whitened change (N, k) of all predictions by each shape of one prior standard deviation."""
+    with_source = hypothesis.with_(PlacedEffect(SOURCE, place))
+    silent = np.concatenate([z, np.zeros(len(SOURCE.parameters))])
+    units = np.eye(len(silent))[len(z) :]
+    residual, *moved = problem.whitened([(row, with_source) for row in [silent, *(silent + units)]])
+    return (residual - np.array(moved)).T
+
+
+def _columns(problem: Problem, responses: np.ndarray) -> np.ndarray:
+    """Return the columns (N, k (1 + conditions)) of a source that is half common to all conditions."""
+    names = list(problem.forward.conditions)
+    each = [np.where((problem.condition == name)[:, None], responses, 0.0) for name in names]
+    return np.sqrt(0.5) * np.hstack([responses, *each])
+
+
+def _laws(
+    problem: Problem, z: np.ndarray, hypothesis: Hypothesis, place: str, responses: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return the whitened change (N,) of all predictions by each law, of unit mean magnitude over the beats."""
+    pressure, flow = _at(problem.forward, z, hypothesis, place)
+    periods = {name: problem.forward.periods[name] for name in pressure}
+    slopes = {name: np.gradient(np.r_[p[-1], p, p[0]])[1:-1] * POINTS / periods[name] for name, p in pressure.items()}
+    waves: dict[str, dict[str, np.ndarray]] = {
+        "leak": pressure, "storage": slopes, "share of the flow": flow,
+        "constant": {name: np.ones(POINTS) for name in pressure},
+    }  # fmt: skip
+    inverse = np.linalg.pinv(_standard_basis().T)
+    found = {}
+    for law, by_condition in waves.items():
+        unit = float(np.mean([np.abs(wave).mean() for wave in by_condition.values()]))
+        column = np.zeros(len(responses))
+        for name, wave in by_condition.items():
+            rows = problem.condition == name
+            column[rows] = responses[rows] @ (inverse @ (wave / unit))
+        found[law] = column
+    return found
+
+
+def _at(
+    forward: Forward, z: np.ndarray, hypothesis: Hypothesis, place: str
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return pressure and flow at the end of a vessel as simulated: condition → (`POINTS`,)."""
+    phase, location = np.arange(POINTS) / POINTS, forward.anatomy.outlet(place)
+    asked = [
+        Measured(name, quantity, location, "waveform", phase * period, period, np.ones(POINTS), np.ones(POINTS))
+        for quantity in ("pressure", "flow")
+        for name, period in forward.periods.items()
+    ]
+    body = [placed for placed in hypothesis if placed.effect.side == "network"]
+    for placed in hypothesis:
+        if placed not in body:
+            z, hypothesis = hypothesis.drop(z, placed), hypothesis.without(placed)
+    values = replace(forward, measured=asked, shapes=None).predict(z, hypothesis)[0].reshape(2, -1, POINTS)
+    pressure, flow = (dict(zip(forward.periods, rows, strict=True)) for rows in values)
+    return pressure, flow
+
+
+def _standard_basis() -> np.ndarray:
+    """Return the shapes (k, `POINTS`) of one prior standard deviation each."""
+    sds = [float(one.from_standard(1.0)) for one in SOURCE.parameters]
+    return np.array(sds)[:, None] * basis(np.arange(POINTS) / POINTS)
+
+
+def _right(problem: Problem, model: Linear, columns: np.ndarray) -> float:
+    return of_all(problem, model.extended(columns)).right
+
+
+def _averaged(evidence: Sequence[float]) -> float:
+    return float(logsumexp(evidence) - np.log(len(evidence)))
