@@ -28,7 +28,8 @@ from coronaryuq.bench.discrepancy.evidence import evidence_trial
 from coronaryuq.bench.discrepancy.evidence import summary as evidence_summary
 from coronaryuq.bench.discrepancy.hidden_cases import BenchmarkExperiment, closed_loop, open_loop
 from coronaryuq.bench.discrepancy.loop import EFFECTS as PREDICTED
-from coronaryuq.bench.discrepancy.loop import predictions
+from coronaryuq.bench.discrepancy.loop import prediction
+from coronaryuq.bench.discrepancy.loop import summary as loop_summary
 from coronaryuq.bench.discrepancy.rivals.compare import SUBJECTS, every_rival, outcomes, rival_trial
 from coronaryuq.bench.discrepancy.score import score
 from coronaryuq.bench.discrepancy.tables import OPEN_LOOP
@@ -37,6 +38,7 @@ from coronaryuq.core import provenance
 from coronaryuq.core.command_line import non_negative_int, positive_int
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_text
+from coronaryuq.discrepancy.hidden.experiment import loop_experiment
 from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.network.read import read_network
@@ -51,6 +53,8 @@ SPREADS = {
     "beds": "resistance and compliance of each bed, other nuisance parameters in proportion to their priors",
     "states": "coronary resistance of each condition",
 }
+PREDICTION = "prediction"
+"""In place of the strength of a case whose prediction is scored: sizes are drawn."""
 NOT_IN_3D = (
     "network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside", "rivals", "evidence", "loop",
 )  # fmt: skip
@@ -333,9 +337,21 @@ def _predicted(chosen: Options) -> dict:
     for name in wanted:
         if name not in PREDICTED:
             raise InputError("bench discrepancy", "--effects", name, f"with --loop: {', '.join(PREDICTED)}")
+    experiment = _loop(chosen.network)
+    hiding, stated = loop_experiment(experiment.network), nature.stated()
     seeds = range(chosen.offset, chosen.offset + chosen.seeds)
-    found = predictions(_loop(chosen.network).network, nature, seeds, wanted, chosen.threads)
-    return {"quick": chosen.quick, "nature": nature.stated(), "loop": found}
+    cases = [Case((name,), PREDICTION, "nominal", seed) for seed in seeds for name in wanted]
+    finished = FinishedCases(chosen.resume, experiment, PREDICTION, stated) if chosen.resume else None
+
+    def answering(case: Case) -> dict:
+        return prediction(hiding, nature, case.label, case.seed, chosen.threads)
+
+    found = []
+    for entry in _trials(cases, answering, finished):
+        if entry is not None:
+            found.append(entry)
+            print(json.dumps(entry), file=sys.stderr, flush=True)
+    return {"quick": chosen.quick, "nature": stated, "loop": loop_summary(found)}
 
 
 def _loop(path: str) -> BenchmarkExperiment:
