@@ -100,3 +100,17 @@ def test_coarse_runs_keep_whole_frames_and_no_fields():
 )
 def test_3d_teaches_0d_where_both_models_are_here(settings, in_3d, expected):
     assert variants.teaches(Campaign(name="x", **settings), in_3d) is expected
+
+
+@pytest.mark.parametrize(
+    ("blocks", "in_3d", "folder"),
+    [
+        ({}, True, "losses"),
+        ({}, False, "calibration"),
+        ({"losses": {"runs_3d": 0}}, True, "calibration"),
+        ({"discrepancy": {"adopt": True}}, True, "adopted"),
+        ({"discrepancy": {"adopt": True}, "losses": {"runs_3d": 0}}, True, "adopted"),
+    ],
+)
+def test_3d_runs_have_the_loop_whose_vessels_inside_the_mesh_are_their_own(blocks, in_3d, folder):
+    assert variants.loop_in_3d(campaign(**blocks), in_3d)[0] == folder

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core import records
-from coronaryuq.core.io.atomic import write_text
+from coronaryuq.core.io.atomic import read_json, write_json, write_text
 from coronaryuq.flow3d.adapter import Outputs
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.stage import run_batch
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 SOLVER = {"steps_per_cycle": 100, "max_cycles": 2, "ramp_cycles": 0.1, "wall_samples_per_cycle": 20, "tolerance": 0.1}
 CAMPAIGN = f"name: tube\ncase: given/case.yaml\nflow3d: {SOLVER}\n"
-PLACES = {"case.json": "case", "network.json": "calibration", "mesh": "."}
+LOOP = "losses/hyperaemia_3d.json"
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,12 @@ def home(tmp_path_factory):
         (home / part).mkdir()
     (home / "case.json").rename(home / "case" / "case.json")
     (home / "tree.vtp").rename(home / "case" / "tree.vtp")
-    (home / "network.json").rename(home / "calibration" / "hyperaemia.json")
+    # The loop of 0D runs, which 3D taught its losses, is not that of 3D runs.
+    network = read_json(home / "network.json")
+    network["vessels"][0]["zero_d_element_values"]["R_poiseuille"] *= 3.0
+    write_json(home / "calibration" / "hyperaemia.json", network)
+    (home / "losses").mkdir()
+    (home / "network.json").rename(home / LOOP)
     write_text(home / "posterior" / "draws.csv", "chain,generation,BC_LAD,log_density\n0,0,1.0,0.0\n1,0,1.2,0.0\n")
     write_text(home / "campaign.yaml", CAMPAIGN)
     return home
@@ -38,7 +43,7 @@ def home(tmp_path_factory):
 def test_served_3d_runs_are_those_of_the_campaign(home, tmp_path):
     theta = pd.DataFrame({"sample": ["a", "b", "c"], "BC_LAD": [1.0, 1.4, 0.8], "R_cor_scaling": [1.0, 0.9, 1.1]})
     theta.to_csv(tmp_path / "samples.csv", index=False)
-    files = {"case": home / "case" / "case.json", "network": home / "calibration" / "hyperaemia.json"}
+    files = {"case": home / "case" / "case.json", "network": home / LOOP}
     batch = batch_of(home, tmp_path / "samples.csv", 3)
     batch = type(batch)(**vars(batch) | files)
     own, remote = (Outputs(tmp_path / f"{name}.jsonl", tmp_path / name) for name in ("own", "remote"))

@@ -38,9 +38,7 @@ rule mesh_folder:
         "../scripts/stage.py"
 
 
-loop_in_3d = rules.calibration.output.hyperaemia_json
-if adopts or teaches:
-    loop_in_3d = results("adopted" if adopts else "losses", "hyperaemia_3d.json")
+loop_in_3d = results(*variants.loop_in_3d(campaign, given.in_3d))
 
 
 rule flow3d_batch:

@@ -72,6 +72,19 @@ def teaches(campaign: Campaign, in_3d: bool) -> bool:
     return bool(campaign.losses.runs_3d) and in_3d and not remote
 
 
+def loop_in_3d(campaign: Campaign, in_3d: bool) -> tuple[str, str]:
+    """Return folder and file of the tuned loop that 3D runs are coupled to, in the results folder.
+
+    With losses that 3D taught, or effects that were adopted, it is not the loop of 0D runs: inside the mesh its vessels
+    have their own losses, and the lumen has what narrows it. in_3d: as of `teaches`.
+    """
+    if campaign.discrepancy.adopt:
+        return "adopted", "hyperaemia_3d.json"
+    if teaches(campaign, in_3d):
+        return "losses", "hyperaemia_3d.json"
+    return "calibration", "hyperaemia.json"
+
+
 def teaching_settings(campaign: Campaign) -> dict[str, Any]:
     """Return the settings of the 3D runs that teach."""
     return own_settings(campaign) | {"fields": 0}

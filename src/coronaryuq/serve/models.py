@@ -11,7 +11,7 @@ import pandas as pd
 
 from coronaryuq.campaign.results import ResultsFolder
 from coronaryuq.campaign.targets import Targets
-from coronaryuq.campaign.variants import runs_3d
+from coronaryuq.campaign.variants import loop_in_3d, runs_3d
 from coronaryuq.case.case_json import read_case
 from coronaryuq.case.lowest_ffr import ffr_places
 from coronaryuq.core import records
@@ -149,7 +149,7 @@ class Flow3D:
         self._settings = Flow3DSettings(**kind.settings | {"checkpoints": False, "fields": 0})
         self._backend = files.configuration.backend
         mesh_json = files.path(kind.mesh, "mesh.json")
-        loop = files.path("calibration", "hyperaemia.json")
+        loop = files.path(*loop_in_3d(files.configuration, in_3d=True))
         network = read_network(loop)
         self.signed = Theta(network, loop).laws.names
         self._batch = Batch(
