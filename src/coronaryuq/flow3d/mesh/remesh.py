@@ -15,6 +15,9 @@ from coronaryuq.flow3d.mesh.geometry.errors import MeshError
 from coronaryuq.flow3d.mesh.read_mesh import Domain, domain_of
 from coronaryuq.flow3d.mesh.settings import Settings
 
+TIME_LIMIT = 180.0
+"""CPU seconds for each piece of one sample's mesh, in one attempt: with more, one draw could hold up its batch for
+hours."""
 NO_TREE = "the mesh is not made from centrelines and radii, so that a drawn lumen cannot be meshed"
 
 
@@ -71,7 +74,9 @@ class Remesher:
     def _meshed(self, tree: Tree) -> Remeshed:
         old = self.description
         kept = {name: self._interval(tree[name], interval) for piece in old.pieces for name, interval in piece.items()}
-        built = build_kept(tree, kept, self.stenoses, Settings.model_validate(old.settings))
+        settings = Settings.model_validate(old.settings)
+        bounded = settings.model_copy(update={"attempts": 1, "time_limit": min(settings.time_limit, TIME_LIMIT)})
+        built = build_kept(tree, kept, self.stenoses, bounded)
         mesh, marked = regions.mark_again(old.regions, built)
         domain = domain_of(mesh, _described(old, mesh, marked, built.failures))
         return Remeshed(mesh, domain, quality.summary(mesh.points, mesh.tets))
