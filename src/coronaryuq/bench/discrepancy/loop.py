@@ -1,9 +1,9 @@
 """Does the prediction improve? Hidden effects, searched and adopted: FFR and bed flows before, after, with the truth.
 
 The truth is off from the searched loop as in the rest of the benchmark. Perfusion of every bed in hyperaemia, with its
-noise, and the mean aortic pressure are what each model is fitted to: the total flow by one factor on all beds and the
-pressure by one on the systemic resistances, as in calibration, the shares by the posterior of the bed resistances and
-of the vessels' own, which are uncertain by as much as the truth is off. FFR is distal over aortic mean pressure where
+noise, and the mean aortic pressure are what each model is fitted to: the pressure by one factor on the systemic
+resistances, as uncertain as its measurement, the flows by the posterior of the bed resistances and of the vessels' own,
+which are uncertain by as much as the truth is off. FFR is distal over aortic mean pressure where
 the distal pressure was measured, in hyperaemia.
 """
 
@@ -29,12 +29,13 @@ from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.discrepancy.search_case import search_case
 from coronaryuq.discrepancy.settings import Settings as SearchSettings
 from coronaryuq.posterior.model.bed_flows import BedFlows
+from coronaryuq.posterior.model.tissue import PerGram, Tissue
 from coronaryuq.posterior.results import Chains
 from coronaryuq.posterior.settings import DreamSettings, IndependenceSettings, Settings
 from coronaryuq.posterior.stage import TargetFlows, Unknowns, run_chains
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
-from coronaryuq.zerod.network.beds import SCALING, resistance_changes
+from coronaryuq.zerod.network.beds import resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.theta import UncertainParameter
@@ -125,42 +126,61 @@ def _case(experiment: Experiment, nature: Nature, name: str, seed: int, threads:
     }  # fmt: skip
     for when in MODELS:
         adopted = with_effects(network, network, classes[when], answer["scales"]).network
-        adopted = _with_vessel_errors(adopted, nature.vessels)
-        drawn = _drawn(adopted, targets, pressure, measured, seed)
+        drawn = _drawn(_with_errors(adopted, nature.vessels), targets, pressure, measured, nature.beds, seed)
         ffr, flow = _scored(drawn.ffr, true_ffr, 1.0), _scored(drawn.flow, true_flow, true_flow)
         found[when] = {"ffr": ffr, "flow": flow, "failed_draws": drawn.failed}
     return found
 
 
-def _with_vessel_errors(network: Network, spread: float) -> Network:
-    """Return the network with uncertain resistances of its vessels, the law by which the truth is off."""
-    if not spread:
-        return network
-    entries = [
-        UncertainParameter(f"resistance_{v}", "lognormal", 1.0, spread, "factor", {f"{v}.R_poiseuille": 1.0}).content()
-        for v in Anatomy(network).vessels
-        if network.vessel_values(v).get("R_poiseuille")
-    ]
+def _with_errors(network: Network, spread: float) -> Network:
+    """Return the network with the errors of its vessels' resistances, the law by which the truth is off, and of Pa."""
+    vessels = [v for v in Anatomy(network).vessels if network.vessel_values(v).get("R_poiseuille")]
+    entries = [_lognormal(f"resistance_{v}", spread, [f"{v}.R_poiseuille"]) for v in vessels if spread]
+    entries.append(_lognormal("pressure", PRESSURE_NOISE, list(_systemic(network))))
     return Network(network | {UNCERTAIN: [*network.get(UNCERTAIN, []), *entries]})
 
 
-def _drawn(network: Network, targets: TargetFlows, pressure: float, measured: Sequence[str], seed: int) -> "_Outputs":
-    """Return the outputs at draws of the posterior of a network at rest."""
+def _lognormal(name: str, spread: float, targets: Sequence[str]) -> dict[str, Any]:
+    return UncertainParameter(name, "lognormal", 1.0, spread, "factor", dict.fromkeys(targets, 1.0)).content()
+
+
+def _systemic(network: Network) -> dict[str, float]:
+    """Return "BLOCK.parameter" → value of the resistances behind all outlets but the coronary ones."""
+    anatomy = Anatomy(network)
+    return {
+        f"{block}.{name}": network.bed_values(block)[name]
+        for block in anatomy.blocks
+        if block not in anatomy.beds
+        for name in ("Rp", "Rd", "R")
+        if name in network.bed_values(block)
+    }
+
+
+def _drawn(
+    network: Network, targets: TargetFlows, pressure: float, measured: Sequence[str], spread: float, seed: int
+) -> "_Outputs":
+    """Return the outputs at draws of the posterior of a network at rest.
+
+    The prior is that of `uncertainty: full` (`posterior.model.tissue`): each bed conducts as in the network within the
+    stated spread, and the level of all is free. Behind a stenosis shares that follow the measured flow have no bed that
+    conducts enough.
+    """
     nominal = apply_condition(network, Condition(STRESS, coronary_resistance_scale=HYPERAEMIA))
     stressed = _tuned(nominal, targets, pressure)
     vessels = {bed: Anatomy(stressed).beds[bed] for bed in targets.names}
-    model = BedFlows("network", vessels, tolerance=1e-4, steps_per_cycle=None, network=stressed)
+    model = BedFlows(
+        "network", vessels, tolerance=1e-4, steps_per_cycle=None, network=stressed, further=PerGram.further
+    )
+    # Without a spread all beds are as the network has them.
+    tissue = Tissue(model.weights, targets.names, max(spread, CERTAIN), 0.0)
     with tempfile.TemporaryDirectory() as folder:
-        unknowns = Unknowns(model.weights, model.theta.laws)
+        unknowns = Unknowns(model.weights, model.theta.laws, tissue)
         run_chains(model, unknowns, targets, SETTINGS, seed, Path(folder) / "chains.npz", key="bench")
         chains = Chains.read(Path(folder) / "chains.npz")
     values = np.concatenate([chains.kept_multipliers, chains.kept_parameters], axis=2)
     flat = values.reshape(-1, values.shape[2])
     some = flat[np.linspace(0, len(flat) - 1, min(DRAWS, len(flat))).round().astype(int)]
     theta = dict(zip([*chains.names, *chains.parameter_names], some.T, strict=True))
-    # The total was fitted to a measurement, and is as uncertain as that.
-    spread = float(np.sqrt(targets.covariance.sum()) / targets.mean.sum())
-    theta[SCALING] = np.exp(spread * generator(seed, "bench", "loop", "total").standard_normal(len(some)))
     drawn = _outputs(stressed, model.theta.changes(theta), measured, targets.names)
     if drawn.failed > MOST_FAILED * len(some):
         raise FloatingPointError(f"{drawn.failed} of {len(some)} draws do not run")
@@ -174,13 +194,7 @@ def _tuned(network: Network, targets: TargetFlows, pressure: float) -> Network:
     """
     engine, anatomy, beds, others = Engine(network), Anatomy(network), 1.0, 1.0
     flows = [f"mean_flow:{anatomy.vessel_of[bed]}:{bed}" for bed in targets.names]
-    systemic = {
-        f"{block}.{name}": network.bed_values(block)[name]
-        for block in anatomy.blocks
-        if block not in anatomy.beds
-        for name in ("Rp", "Rd", "R")
-        if name in network.bed_values(block)
-    }
+    systemic = _systemic(network)
 
     def changes() -> dict[str, Any]:
         return {**resistance_changes(network, scaling=beds), **{key: others * old for key, old in systemic.items()}}
