@@ -38,7 +38,7 @@ def test_it_says_what_was_adopted_with_interval_and_source_and_both_predictions(
     assert "1.70 (1.60 to 1.80) before, 0.90 (0.80 to 1.00) with" in found["gap"]
     (row,) = found["rows"]
     assert row["before"]["ffr"] == "0.810 (0.730 to 0.858)" and row["after"]["zones"] == ["0 %", "0 %", "100 %"]
-    assert found["zones"] == ["FFR ≤ 0.75", "0.75 < FFR ≤ 0.8", "FFR > 0.8"]
+    assert found["zones"] == ["FFR ≤ 0.75", "0.75 < FFR ≤ 0.80", "FFR > 0.80"]
     assert not found["not_in_3d"] and not found["in_lumen"] and "nothing about the patient" not in found["text"]
 
 

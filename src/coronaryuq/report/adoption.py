@@ -92,8 +92,8 @@ def _gap(found: Mapping[str, Any]) -> str:
 
 
 def _zones(limits: list[float]) -> list[str]:
-    first, last = f"FFR ≤ {limits[0]:g}", f"FFR > {limits[-1]:g}"
-    return [first, *(f"{a:g} < FFR ≤ {b:g}" for a, b in zip(limits, limits[1:], strict=False)), last]
+    first, last = f"FFR ≤ {limits[0]:.2f}", f"FFR > {limits[-1]:.2f}"
+    return [first, *(f"{a:.2f} < FFR ≤ {b:.2f}" for a, b in zip(limits, limits[1:], strict=False)), last]
 
 
 def _row(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -109,9 +109,9 @@ def _predicted(one: Mapping[str, Any]) -> dict[str, Any]:
 def _in_lumen(places: Mapping[str, str]) -> str:
     if not places:
         return ""
-    listed = "; ".join(f"{name}: {place}" for name, place in places.items())
+    listed = "; ".join(f"{name}, {place}" for name, place in places.items())
     return (
-        f"The lumen of every 3D run is narrowed by the effect that its sample has. {listed}. The throat of a stenosis "
+        f"The lumen of every 3D run is narrowed by the effect that its sample has: {listed}. The throat of a stenosis "
         "is the one that has, by the published rule, the loss of its vessel and the adopted one together."
     )
 
