@@ -55,7 +55,7 @@ def test_what_3d_cannot_have_is_said(section):
 def test_what_the_lumen_of_3d_has_is_said_with_its_place(section):
     found = section(in_lumen={"quadratic stenosis at rca6": "in the middle of rca6; place and length are assumed"})
     assert found["classes"][0][0]["became"] == "adopted in 0D and the lumen of 3D" and not found["not_in_3d"]
-    assert "quadratic stenosis at rca6: in the middle of rca6; place and length are assumed." in found["in_lumen"]
+    assert "has: quadratic stenosis at rca6, in the middle of rca6; place and length are assumed." in found["in_lumen"]
 
 
 def test_nothing_adopted_gives_the_reason_and_no_comparison(section):
