@@ -38,6 +38,8 @@ CONTROL_VARIATES: dict[str, Method] = {
 }
 
 
+REWEIGHTED = "inputs differ"
+"""Warning with which the pilot gets weights."""
 RECOMMENDED = "recommended"
 """The whole of `analyse`, and what it recommends."""
 
@@ -107,16 +109,19 @@ def _recommended(problem: Problem, n: int, numbers: range) -> dict:
         trial, settings = problem.draw(n, number), Settings(autoencoder=False, min_3d=4)
         runs = runs_of(trial)
         design = make_design(runs, [ROW], count(n, FOLDS), number)
-        truth = trial.mean
-        if trial.more_y is not None:  # a finite set, whose blocks count as the folds of the pilot
+        if trial.more_y is not None:
             design = replace(design, target=len(trial.more_y))
-            in_blocks = [trial.more_y[block.index].mean() for block in design.blocks]
-            truth = float(np.average(in_blocks, weights=np.bincount(design.fold)))
         (row,) = analyse(runs, [ROW], settings, number, design=design, beyond_mean=False)
-        report = row.recommended_report
+        report, truth = row.recommended_report, trial.mean
+        codes = {warning.split(":")[0] for warning in (*row.warnings, *report.warnings)}
+        if (
+            trial.more_y is not None
+        ):  # a finite set, whose blocks count as the folds of the pilot, which may be weighted
+            weights = diagnostics.balancing_weights(runs) if REWEIGHTED in codes else None
+            in_blocks = [trial.more_y[block.index].mean() for block in design.blocks]
+            truth = float(np.average(in_blocks, weights=np.bincount(design.fold, weights)))
         values.append((report.mean - truth, report.std, report.calibrated.holds(truth)))
         taken[row.recommended] += 1
-        codes = {warning.split(":")[0] for warning in (*row.warnings, *report.warnings)}
         warned.update(codes | ({"any"} if codes else set()))
     found = judged(*(np.array(v) for v in zip(*values, strict=True)))
     shares = {code: warned[code] / len(numbers) for code in sorted(warned)}
