@@ -23,7 +23,7 @@ def first_with(stenoses: int) -> int:
 def test_ranges_hold_the_truth_of_a_handful_of_patients(tmp_path):
     file, found = tmp_path / "patients.jsonl", []
     for stenoses in (1, 2, 3):
-        result = run(first=first_with(stenoses), patients=1, seed=SEED, setting="full", cores=1, resume=str(file))
+        result = run(first=first_with(stenoses), patients=1, seed=SEED, setting="full", cores=2, resume=str(file))
         assert (result["failed"], result["vessels"]) == (0, stenoses)
         found += [vessel["ffr"] for line in result["lines"] for vessel in line["vessels"].values()]
     held = [one["quantiles"]["0.025"] <= one["truth"] <= one["quantiles"]["0.975"] for one in found]
