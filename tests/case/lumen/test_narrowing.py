@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
@@ -54,6 +54,7 @@ def test_in_an_even_vessel_the_case_stage_finds_the_added_coefficient(first, len
 
 
 @given(seed=seeds, lesion=st.floats(0.3, 0.6), more=st.floats(0.0, 5.0))
+@example(seed=965, lesion=0.3, more=0.0)
 def test_a_lesion_gets_tighter_where_it_is_tightest(seed, lesion, more):
     arc, radii = vessel(seed, lesion)
     present = by_rule(arc, radii)

@@ -75,7 +75,8 @@ def stenosis(arc: np.ndarray, radii: np.ndarray, place: float | None, added: flo
     line = np.interp(arc[k], arc[[0, -1]], radii[[0, -1]])
     first, own, healthy = float(radii[0]), float(radii[k]), float(max(line, radii[k]))
     loss = loss_of_throat(own, first, healthy) + loss_of_coefficient(added, physics)
-    depth = 1.0 - throat_radius(loss, first, healthy) / own
+    # Where nothing is added, rounding may leave a depth just below zero.
+    depth = max(0.0, 1.0 - throat_radius(loss, first, healthy) / own)
     return Throat(float(arc[0]), float(arc[k]), float(arc[-1]), depth)
 
 
