@@ -18,7 +18,6 @@ LABELS = {"dissimilar inputs": "different inputs", "useless 0D": "uninformative 
 """Problems with other names on the page; their own names are part of the seeds."""
 FORMER = {"crossfit-GP, without logarithm", "crossfit-GP, without extrapolation factor"}
 """Name of the cells of an earlier `crossfit-GP`, used where the present one has not been measured."""
-# Cells with `choice` recommended the smallest reported standard error, as the present rule does not always.
 PROBLEMS = ("smooth", "dissimilar inputs", "useless 0D", "non-monotone", "constrained manifold", "long tail")
 PROBLEMS += ("lognormal", "rare onset", "indicator", "heteroscedastic noise", "autocorrelated propagation")
 PROBLEMS += ("autocorrelated pilot and propagation", "near-duplicates", "short chain")
@@ -128,7 +127,7 @@ def shown(cell: dict | None) -> str:
         text += f", {code} {100 * fraction:.0f} %" if fraction >= 0.05 else ""
     if cell["trials"] != TRIALS:
         text += f" ({cell['trials']} trials: {100 * low:.0f} to {100 * high:.0f})"
-    return text + (" †" if is_former(cell) else "") + (" ‡" if "choice" in cell else "")
+    return text + (" †" if is_former(cell) else "")
 
 
 def table(cells: list[dict], method: str) -> list[str]:
