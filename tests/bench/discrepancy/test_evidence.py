@@ -2,6 +2,7 @@
 
 import pytest
 
+from coronaryuq.bench.discrepancy import benchmark
 from coronaryuq.bench.discrepancy.benchmark import run
 from coronaryuq.bench.discrepancy.evidence import summary
 
@@ -22,6 +23,22 @@ def test_differences_are_those_of_reliable_integrals_and_all_answers():
     assert (found["cases"], found["integrals"], found["reliable"], found["changed"]) == (3, 3, 2, 1)
     assert found["nats"] == {"rms": pytest.approx(0.5), "largest": pytest.approx(-0.5)}
     assert found["largest_change"] == pytest.approx(0.6)
+
+
+def test_finished_cases_of_another_kind_are_not_taken(tmp_path, monkeypatch):
+    """Scored cases and their evidence have other entries; each resumes from its own file only."""
+    asked = []
+
+    def made(kind, result):
+        return lambda case, **options: asked.append(kind) or result
+
+    monkeypatch.setattr(benchmark, "evidence_trial", made("evidence", entry(1.0)))
+    monkeypatch.setattr(benchmark, "trial", made("scores", {"effect": "x"}))
+    monkeypatch.setattr(benchmark, "score", lambda cases: {})
+    for evidence in (True, True, False):
+        options = {"effects": ("quadratic_stenosis",), "resume": tmp_path / "cases.jsonl", "nature": "own"}
+        benchmark.run(quick=False, evidence=evidence, **options)
+    assert asked == ["evidence", "scores"]
 
 
 @pytest.mark.slow

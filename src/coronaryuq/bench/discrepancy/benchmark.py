@@ -255,6 +255,7 @@ def run(**options: Any) -> dict:
         stated = nature.stated() | {"violated": {"vessels": VIOLATED_VESSELS, "each bed": VIOLATED_BEDS}}
         answering = partial(trial, experiment=experiment, nature=nature, threads=chosen.threads)
         if chosen.evidence:
+            stated |= {"evidence": "importance sampling"}
             answering = partial(evidence_trial, experiment=experiment, nature=nature, threads=chosen.threads)
         elif chosen.rivals:
             rivals = every_rival(experiment, nature, QUICK_SUBJECTS if chosen.quick else SUBJECTS)
