@@ -177,7 +177,7 @@ SEARCHES = {
     "source": Caption(
         "Unknown source of flow",
         "Flow that would have to leave at the end of the vessel for the model to agree with the measurements, with "
-        "90 % intervals, where the search names nothing.",
+        "90 % intervals, where the search names nothing; negative where it would have to enter.",
         "The same waveform, in proportion to pressure or its rate of change, in every condition.",
         "A waveform of its own in every condition.",
         "Ask what takes blood there at that time of the beat: a branch, a collateral, a compliance.",
