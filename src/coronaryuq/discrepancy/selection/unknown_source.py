@@ -43,8 +43,6 @@ class UnknownSource:
     ----------
     place
         The vessel at whose end it is.
-    log_evidence
-        Of all data, of the model with it as right; the model without it has `without`.
     waveforms
         Condition → mean (`POINTS`,) and standard deviation of the flow at even phases of the beat, mL/s.
     laws
@@ -54,8 +52,6 @@ class UnknownSource:
     """
 
     place: str
-    log_evidence: float
-    without: float
     waveforms: dict[str, tuple[np.ndarray, np.ndarray]]
     laws: dict[str, float]
     sizes: dict[str, tuple[float, float]]
@@ -100,12 +96,11 @@ def unknown_source(
     if not found or nodes[0][1] <= 0.0:
         return nodes, None
     place, responses, evidence = found[0]
-    return nodes, _described(problem, model, hypothesis, place, responses, evidence, without)
+    return nodes, _described(problem, model, hypothesis, place, responses, evidence)
 
 
 def _described(
-    problem: Problem, model: Linear, hypothesis: Hypothesis, place: str, responses: np.ndarray, evidence: float,
-    without: float,
+    problem: Problem, model: Linear, hypothesis: Hypothesis, place: str, responses: np.ndarray, evidence: float
 ) -> UnknownSource:  # fmt: skip
     """Return waveform and laws of the source at one place."""
     evidences, sizes = {FREE: evidence}, {}
@@ -115,7 +110,7 @@ def _described(
         sizes[law] = _size(alternatives)
     total = logsumexp(list(evidences.values()))
     laws = {name: float(np.exp(value - total)) for name, value in evidences.items()}
-    return UnknownSource(place, evidence, without, _waveforms(problem, model, place, responses), laws, sizes)
+    return UnknownSource(place, _waveforms(problem, model, place, responses), laws, sizes)
 
 
 def _waveforms(
