@@ -1,8 +1,9 @@
-"""Folds, propagation blocks and emulated 0D outputs that all rows of one campaign share."""
+"""Folds, propagation blocks and their 0D outputs, run or emulated, that all rows of one campaign share."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from scipy import stats
 
 from coronaryuq.core.seeds import generator
@@ -23,8 +24,9 @@ MOST = 125_000
 class Block:
     """Propagation samples of one fold at which control variates predict: indices (m,), and log θ (m · s, d).
 
-    outputs: 0D output → emulated values (m · s,). repeats: s, the number of values of the integrated input, 1 where
-    there is none. regression: of predictions on the inputs of all samples of the fold, where m are a part of these.
+    outputs: 0D output → values (m · s,), of 0D runs or emulated. repeats: s, the number of values of the integrated
+    input, 1 where there is none. regression: of predictions on the inputs of all samples of the fold, where m are a
+    part of these.
     """
 
     index: np.ndarray
@@ -53,10 +55,11 @@ class Block:
 class Design:
     """Everything that is fixed before any 3D output is used.
 
-    fold (n,); blocks, one per fold; held_out: 0D output → (n,) emulated without the sample's own fold; shared: names
-    of the 0D outputs that every control variate may see, those of all `shared` rows among them; emulator_error: 0D
-    output → held-out mean square error over variance. coarse: per fold its samples of the coarse 3D level beyond the
-    pilot; empty without such a level. target: as in `crossfit.Options`. dependence: how samples depend on each other.
+    fold (n,); blocks, one per fold; held_out: 0D output → (n,), from the same source as in the blocks; an emulator has
+    not seen the sample's own fold; shared: names of the 0D outputs that every control variate may see, those of all
+    `shared` rows among them; emulator_error: 0D output → held-out mean square error over variance, 0 without an
+    emulator. coarse: per fold its samples of the coarse 3D level beyond the pilot; empty without such a level. target:
+    as in `crossfit.Options`. dependence: how samples depend on each other.
     """
 
     runs: Runs
@@ -82,7 +85,7 @@ class Design:
         return seen[index], index
 
     def held(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
-        """Return what it may use of the held-out runs of fold k (emulated 0D outputs), and their indices."""
+        """Return what it may use of the held-out runs of fold k (0D outputs as in the blocks), and their indices."""
         index = np.flatnonzero(self.fold == k)
         outputs = np.column_stack([self.held_out[c] for c in self.shared])
         return Seen(self.log_theta, self.held_out[row.column_0d], outputs)[index], index
@@ -138,6 +141,9 @@ def make_design(
 ) -> Design:  # fmt: skip
     """Assign folds, share out propagation samples, emulate 0D outputs without each fold.
 
+    Where every propagation sample has a 0D run, its outputs and those of the pilot are used as they are: an emulator of
+    few runs hardly reaches the tails, so quantiles would be too narrow. Then nothing is integrated.
+
     `scaling`: input whose law is known to be uniform within its limits and independent of the others; where the
     propagation samples do not contradict that (`integrable`), control variates are integrated over it exactly at 8
     Gauss nodes. Of more than MOST predictions per control variate, a random part is made, and a regression carries them
@@ -149,7 +155,7 @@ def make_design(
     n, m = len(runs), len(runs.theta_more)
     fold, dependence = assign_runs(runs, k, seed)
     k = int(fold.max()) + 1
-    integrated = scaling is not None and integrable(runs, scaling)
+    integrated = runs.q_more is None and scaling is not None and integrable(runs, scaling)
     wanted = list(dict.fromkeys(row.column_0d for row in rows if row.shared)) or [row.column_0d for row in rows]
     shared = informative(runs.q, wanted, max(most, len(wanted)), families)
     # One emulator per output: those of a single row change no other's.
@@ -160,18 +166,18 @@ def make_design(
     coarse, coarse_fold = [], folds.assign(len(runs.coarse.theta), k, seed, "coarse") if runs.coarse else None
     for j in range(k):
         train, held = fold != j, fold == j
-        emulator = Emulator(log_theta[train], runs.q.loc[train, names])
-        for name, values in emulator.predict(log_theta[held]).items():
+        emulator = Emulator(log_theta[train], runs.q.loc[train, names]) if runs.q_more is None else None
+        for name, values in _outputs(emulator, log_theta[held], runs.q, names, held).items():
             held_out[name][held] = values
         every = np.flatnonzero(order % k == j)
         index = every[order[every] < predicted]
         spread, repeats = _spread(runs, index, scaling if integrated else None)
         regression = Regression.of(runs, every, index, scaling if integrated else None) if m > predicted else None
-        blocks.append(Block(index, spread, emulator.predict(spread), repeats, regression))
+        blocks.append(Block(index, spread, _outputs(emulator, spread, runs.q_more, names, index), repeats, regression))
         if runs.coarse is not None:
             index = np.flatnonzero(coarse_fold == j)
             log_coarse = runs.coordinates(runs.coarse.theta[index])
-            coarse.append(Block(index, log_coarse, emulator.predict(log_coarse), 1))
+            coarse.append(Block(index, log_coarse, _outputs(emulator, log_coarse, runs.coarse.q, names, index), 1))
     error = {
         name: float(np.mean((held_out[name] - runs.q[name]) ** 2) / (np.var(runs.q[name]) or 1.0)) for name in names
     }
@@ -197,6 +203,17 @@ def integrable(runs: Runs, scaling: str) -> bool:
     p = (stats.pearsonr(ranks, stats.rankdata(other)).pvalue for other in moving)
     independent = min(p, default=1.0) * max(len(moving), 1)
     return bool(uniform > 1e-3 and independent > 1e-3)
+
+
+def _outputs(
+    emulator: Emulator | None, log_theta: np.ndarray, own: pd.DataFrame | None, names: list[str], rows: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Return 0D outputs by name at some rows (indices or a mask): emulated, or without an emulator their own."""
+    if emulator is not None:
+        return emulator.predict(log_theta)
+    if own is None:
+        raise ValueError("neither an emulator of the 0D outputs nor 0D runs")
+    return {name: own[name].to_numpy(float)[rows] for name in names}
 
 
 def _spread(runs: Runs, index: np.ndarray, scaling: str | None) -> tuple[np.ndarray, int]:

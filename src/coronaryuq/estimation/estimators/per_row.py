@@ -159,7 +159,9 @@ def crossfit_gp(
     name = "crossfit-GP: " + tally(predictions.methods)
     between = predictions.influence.between(shares=weights)
     fit = CrossFit(y, predictions.held, design.propagate_to_all(predictions.raw), design.fold, design.dependence)
-    return combine(name, fit, len(y), Options(level, weights=weights, between=between, target=design.target))
+    more = design.runs.q_more
+    n_0d = len(y) + (0 if more is None else len(more))
+    return combine(name, fit, n_0d, Options(level, weights=weights, between=between, target=design.target))
 
 
 def tally(methods: Sequence[str]) -> str:
