@@ -142,7 +142,7 @@ def make_design(
     """Assign folds, share out propagation samples, emulate 0D outputs without each fold.
 
     Where every propagation sample has a 0D run, its outputs and those of the pilot are used as they are: an emulator of
-    few runs hardly reaches the tails, so quantiles would be too narrow. Then nothing is integrated.
+    few runs hardly reaches the tails, so quantiles would be too narrow. An integrated input needs the emulator.
 
     `scaling`: input whose law is known to be uniform within its limits and independent of the others; where the
     propagation samples do not contradict that (`integrable`), control variates are integrated over it exactly at 8
@@ -155,7 +155,9 @@ def make_design(
     n, m = len(runs), len(runs.theta_more)
     fold, dependence = assign_runs(runs, k, seed)
     k = int(fold.max()) + 1
-    integrated = runs.q_more is None and scaling is not None and integrable(runs, scaling)
+    integrated = scaling is not None and integrable(runs, scaling)
+    # At the nodes of an integrated input there are no 0D runs.
+    more = None if integrated else runs.q_more
     wanted = list(dict.fromkeys(row.column_0d for row in rows if row.shared)) or [row.column_0d for row in rows]
     shared = informative(runs.q, wanted, max(most, len(wanted)), families)
     # One emulator per output: those of a single row change no other's.
@@ -166,14 +168,14 @@ def make_design(
     coarse, coarse_fold = [], folds.assign(len(runs.coarse.theta), k, seed, "coarse") if runs.coarse else None
     for j in range(k):
         train, held = fold != j, fold == j
-        emulator = Emulator(log_theta[train], runs.q.loc[train, names]) if runs.q_more is None else None
+        emulator = Emulator(log_theta[train], runs.q.loc[train, names]) if more is None else None
         for name, values in _outputs(emulator, log_theta[held], runs.q, names, held).items():
             held_out[name][held] = values
         every = np.flatnonzero(order % k == j)
         index = every[order[every] < predicted]
         spread, repeats = _spread(runs, index, scaling if integrated else None)
         regression = Regression.of(runs, every, index, scaling if integrated else None) if m > predicted else None
-        blocks.append(Block(index, spread, _outputs(emulator, spread, runs.q_more, names, index), repeats, regression))
+        blocks.append(Block(index, spread, _outputs(emulator, spread, more, names, index), repeats, regression))
         if runs.coarse is not None:
             index = np.flatnonzero(coarse_fold == j)
             log_coarse = runs.coordinates(runs.coarse.theta[index])

@@ -159,7 +159,7 @@ def crossfit_gp(
     name = "crossfit-GP: " + tally(predictions.methods)
     between = predictions.influence.between(shares=weights)
     fit = CrossFit(y, predictions.held, design.propagate_to_all(predictions.raw), design.fold, design.dependence)
-    more = design.runs.q_more
+    more = None if design.integrated else design.runs.q_more
     n_0d = len(y) + (0 if more is None else len(more))
     return combine(name, fit, n_0d, Options(level, weights=weights, between=between, target=design.target))
 
