@@ -49,7 +49,7 @@ PICTURE = DOCS / "pictures" / "discrepancy-benchmark.png"
 RIVALS, RIVALS_PICTURE = FOLDER / "discrepancy-rivals.jsonl", DOCS / "pictures" / "discrepancy-rivals.png"
 NOTHING_PER_THOUSAND = 8
 """Seeds, of each thousand, of the cases with nothing hidden that the rivals answer."""
-NETWORKS = ("open loop", "bundled patient")
+NETWORKS = ("open loop", "small loop", "bundled patient")
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
 KEPT += "after oracle gap_closed_over_oracle worse held_out_p probability made_by cpu_s cpu_s_made skipped redrawn"
 KEPT = KEPT.split()
