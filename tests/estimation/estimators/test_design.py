@@ -19,7 +19,7 @@ LOSS, SPREAD, NOISE = 0.05, 0.8, 0.002
 
 @cache
 def trials() -> list[tuple[Design, np.ndarray]]:
-    """FFR = 1 − 0.05 exp(0.8 z) with z a standard normal sum of 20 inputs, more than 16 runs tell; 3D adds noise."""
+    """FFR = 1 − 0.05 exp(0.8 z), z a standard normal sum of 20 inputs, too many for 16 runs to tell; 3D adds noise."""
     made = []
     for trial in range(TRIALS):
         rng = generator(5, "design", trial)
@@ -33,6 +33,7 @@ def trials() -> list[tuple[Design, np.ndarray]]:
 
 def test_what_was_run_is_not_emulated():
     for design, _ in trials():
+        assert per_row.crossfit_gp(design, ROW, per_row.predict(design, ROW, simple=True), 0.95).n_0d == N + M
         for block in design.blocks:
             assert np.array_equal(block.outputs["ffr_lad"], design.runs.q_more["ffr_lad"].to_numpy()[block.index])
         assert np.array_equal(design.held_out["ffr_lad"], design.runs.q["ffr_lad"].to_numpy())

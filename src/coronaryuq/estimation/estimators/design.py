@@ -77,6 +77,11 @@ class Design:
     def log_theta(self) -> np.ndarray:
         return self.runs.coordinates(self.runs.theta)
 
+    @property
+    def more_0d(self) -> int:
+        """Number of 0D runs at propagation samples that predictions rest on; 0 where they are emulated."""
+        return 0 if self.integrated or self.runs.q_more is None else len(self.runs.q_more)
+
     def training(self, row: Row, k: int) -> tuple[Seen, np.ndarray]:
         """Return what a control variate may use of the training runs of fold k (own 0D outputs), and their indices."""
         index = np.flatnonzero(self.fold != k)

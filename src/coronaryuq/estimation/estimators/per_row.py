@@ -159,9 +159,8 @@ def crossfit_gp(
     name = "crossfit-GP: " + tally(predictions.methods)
     between = predictions.influence.between(shares=weights)
     fit = CrossFit(y, predictions.held, design.propagate_to_all(predictions.raw), design.fold, design.dependence)
-    more = None if design.integrated else design.runs.q_more
-    n_0d = len(y) + (0 if more is None else len(more))
-    return combine(name, fit, n_0d, Options(level, weights=weights, between=between, target=design.target))
+    options = Options(level, weights=weights, between=between, target=design.target)
+    return combine(name, fit, len(y) + design.more_0d, options)
 
 
 def tally(methods: Sequence[str]) -> str:
