@@ -96,7 +96,7 @@ def test_beds_share_as_perfusion_and_murray_say(small_loop):
         outlet("BC_lca2", "LV", 0.06),
         outlet("BC_rca1", "RV", 0.07),
     ]
-    wanted = shares(outlets, {"BC_lca1": 1.5, "BC_lca2": 0.5})
+    wanted = shares(outlets, [0.08, 0.06, 0.07], {"BC_lca1": 1.5, "BC_lca2": 0.5})
     weights = np.array([0.08, 0.06, 0.07]) ** 2.6
     assert wanted["BC_rca1"] == pytest.approx(weights[2] / weights.sum())
     assert wanted["BC_lca1"] / wanted["BC_lca2"] == pytest.approx(3.0)

@@ -10,14 +10,14 @@ RESISTANCES = ("Ra", "Ram", "Rv")
 COMPLIANCES = ("Ca", "Cim")
 
 
-def shares(outlets: Sequence[CaseOutlet], flows: Mapping[str, float]) -> dict[str, float]:
+def shares(outlets: Sequence[CaseOutlet], radii: Sequence[float], flows: Mapping[str, float]) -> dict[str, float]:
     """Return each bed's fraction of total coronary conductance (boundary condition → fraction, sum 1).
 
-    `outlets` as in `case.json`; `flows`: perfusion's mean flow of every bed that perfuses the left ventricle. Murray's
-    law over all outlets gives the fraction of all LV-perfusing beds together, which is divided among them in proportion
-    to their flows.
+    `outlets` as in `case.json`; `radii`: theirs, cm; `flows`: perfusion's mean flow of every bed that perfuses the left
+    ventricle. Murray's law over all outlets gives the fraction of all LV-perfusing beds together, which is divided
+    among them in proportion to their flows.
     """
-    by_radius = murray_shares([outlet.radius for outlet in outlets])
+    by_radius = murray_shares(radii)
     total = sum(flows.values())
     left_ventricle = sum(share for outlet, share in zip(outlets, by_radius, strict=True) if outlet.perfuses == "LV")
     return {

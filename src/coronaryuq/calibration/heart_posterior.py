@@ -26,8 +26,9 @@ STEP = 0.02
 """Of a parameter's range, for differences."""
 PRIOR = 0.25
 """Standard deviation of the prior around the tuned heart, as a fraction of each parameter's range."""
-SHARE = 0.99
-"""Fraction of the variance of what the coronary arteries see that the latent coordinates carry."""
+SHARE = 0.95
+"""Fraction of the variance of each pressure and flow that the coronary arteries see which the latent coordinates carry,
+at least, so that no standard deviation is more than 3 % too small."""
 MOST = 6
 """Latent coordinates at most."""
 PRESSURES = ("PaoMin", "PaoMax", "PaoMean")
@@ -93,8 +94,9 @@ def linearised(
 class HeartPosterior:
     """Posterior of the free parameters, in searched coordinates, and the latent coordinates that carry it.
 
-    directions (n, k): change of the free parameters per standard normal coordinate. captured: fraction of the variance
-    of what the coronary arteries see. relative_sd: measure → its posterior standard deviation over its error.
+    directions (n, k): change of the free parameters per standard normal coordinate. captured: least fraction of the
+    variance of any of what the coronary arteries see. relative_sd: measure → its posterior standard deviation over its
+    error.
     """
 
     posterior: Normal
@@ -185,18 +187,21 @@ def heart_posterior(
 
 
 def latent_directions(covariance: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return directions (n, k) of parameters that carry at least `SHARE` of the variance of linear outputs (q, n).
+    """Return directions (n, k) of parameters that carry at least `SHARE` of the variance of each linear output.
 
-    With them, outputs have the covariance of the first k of their principal components; parameters follow as their
-    conditional mean given the outputs.
+    The directions are those of the first k principal components of the outputs (q, n), each over its standard
+    deviation: many uncertain flows must not hide one pressure. Parameters follow as their conditional mean given the
+    components. At most `MOST`; the second result is the least share of any output.
     """
-    value, vector = np.linalg.eigh(seen @ covariance @ seen.T)
+    variance = np.einsum("qn,nm,qm->q", seen, covariance, seen)
+    scaled = seen[variance > 0.0] / np.sqrt(variance[variance > 0.0])[:, None]
+    value, vector = np.linalg.eigh(scaled @ covariance @ scaled.T)
     order = np.argsort(value)[::-1]
     value, vector = value[order], vector[:, order]
-    share = np.cumsum(value) / value.sum()
-    count = min(int(np.searchsorted(share, SHARE)) + 1, MOST)
+    least = np.cumsum(vector**2 * value, axis=1).min(axis=0)
+    count = min(int(np.searchsorted(least, SHARE)) + 1, MOST)
     vector = vector[:, :count] * np.where(vector[:, :count].sum(axis=0) < 0.0, -1.0, 1.0)
-    return covariance @ seen.T @ vector / np.sqrt(value[:count]), float(share[count - 1])
+    return covariance @ scaled.T @ vector / np.sqrt(value[:count]), float(least[count - 1])
 
 
 def heart_parameters(found: HeartPosterior, loop: Loop) -> list[dict[str, Any]]:
@@ -233,23 +238,4 @@ def assumed_parameters(network: Network, errors: RoutineErrors) -> list[dict[str
         | {"kind": "factor", "targets": targets, "meaning": meaning, "unit": "1", "source": source}
         for name, sd, targets, meaning, source in assumed
         if sd > 0.0
-    ]
-
-
-def division_parameter(radii: Mapping[str, float], network: Network, sd: float) -> list[dict[str, Any]]:
-    """Return the exponent of Murray's law for beds without measured flow, as an entry of `uncertain_parameters`.
-
-    radii: bed → radius of its outlet, cm; sd: of the exponent. A larger exponent gives the wider outlets a larger
-    share; the geometric mean of resistances stays. None with fewer than two such beds.
-    """
-    if len(radii) < 2 or sd == 0.0:
-        return []
-    logs = {name: float(np.log(radius)) for name, radius in radii.items()}
-    middle = float(np.mean(list(logs.values())))
-    known = beds(network)
-    targets = {f"{name}.{key}": middle - log for name, log in logs.items() for key in known[name].resistances}
-    return [
-        {"name": "murray_exponent", "distribution": "lognormal", "centre": 1.0, "spread": sd, "kind": "factor"}
-        | {"targets": targets, "unit": "1", "meaning": "e to the change of Murray's exponent of unmeasured outlets"}
-        | {"source": "Zhou et al. 1999; Murray 1926"}
     ]

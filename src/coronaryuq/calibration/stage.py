@@ -4,11 +4,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from coronaryuq.calibration.conductance_shares import shares
-from coronaryuq.calibration.heart_posterior import division_parameter
 from coronaryuq.calibration.hyperaemic_flow import HyperaemicTarget
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import read_targets
 from coronaryuq.calibration.tuning import Goal, Tuned, tune_loop
+from coronaryuq.calibration.unmeasured_beds import median_radii, unmeasured_parameters
 from coronaryuq.case.case_json import CaseSummary, TargetValue, read_case
 from coronaryuq.case.network.network import UNCERTAIN, Network
 from coronaryuq.case.network.units import to_cgs
@@ -62,11 +62,11 @@ def tune(
     flows = _flows(case, network, perfusion, targets_json)
     met = settings.hyperaemic_total
     hyperaemic = HyperaemicTarget(sum(flows.values()), tuple(flows), case.hyperaemia) if met else None
-    goal = Goal(targets, case.hyperaemia, shares(case.outlets, flows), hyperaemic, case.errors)
+    wanted = shares(case.outlets, median_radii(case.outlets, network), flows)
+    goal = Goal(targets, case.hyperaemia, wanted, hyperaemic, case.errors)
     tuned = tune_loop(network, goal, settings, seed, threads, report)
     if case.errors is not None:
-        unmeasured = {outlet.bc: outlet.radius for outlet in case.outlets if outlet.perfuses != "LV"}
-        further = division_parameter(unmeasured, tuned.hyperaemia, case.errors.murray_exponent)
+        further = unmeasured_parameters(case.outlets, tuned.hyperaemia, case.errors)
         tuned.hyperaemia[UNCERTAIN] = [*tuned.hyperaemia.get(UNCERTAIN, []), *further]
     _write(tuned, out_dir)
 

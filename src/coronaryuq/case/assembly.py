@@ -22,6 +22,7 @@ from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.lumen.implied import implied_lumen
 from coronaryuq.case.lumen.law import lumen_law
+from coronaryuq.case.lumen.narrowest_place import with_exact_throats
 from coronaryuq.case.lumen.profiles import with_lumen
 from coronaryuq.case.network.along_tree import vessels_along
 from coronaryuq.case.network.build import Bed, Physics, murray_shares, network_from_tree
@@ -191,11 +192,12 @@ def _with_uncertain_lumen(
         tree, stenoses, along = implied.tree, implied.stenoses, implied.segments
     else:
         along = vessels_along(tree, stenoses, network, description.network or "network")
+    error = description.lumen or LumenError()
     try:
-        law = lumen_law(tree, stenoses, description.lumen or LumenError())
-    except ValueError as error:
-        raise InputError(path, "lumen.calcified", None, str(error)) from None
-    return with_lumen(network, tree, along, law)
+        law = lumen_law(tree, stenoses, error)
+    except ValueError as wrong:
+        raise InputError(path, "lumen.calcified", None, str(wrong)) from None
+    return with_lumen(network, tree, along, with_exact_throats(law, tree, stenoses, MM * error.length))
 
 
 def _read_own_network(folder: Path, description: Description) -> tuple[Network, Topology, str] | None:

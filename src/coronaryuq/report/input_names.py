@@ -1,7 +1,7 @@
 """Names of the posterior's inputs in words."""
 
 from coronaryuq.case.case_json import CaseSummary
-from coronaryuq.case.lumen.law import COMMON, MODES
+from coronaryuq.case.lumen.law import COMMON, MODES, REST
 from coronaryuq.zerod.network.beds import SCALING
 
 ARTERIES = ("LM", "LAD", "LCx", "RCA")
@@ -15,7 +15,8 @@ def input_names(case: CaseSummary) -> dict[str, str]:
     names |= {SCALING: "the total coronary resistance", COMMON: "the lumen of all arteries"}
     for artery in ARTERIES:
         names |= {f"lumen_{artery}_{k}": f"the lumen of the {artery} (component {k})" for k in range(1, MODES + 1)}
-        names[f"lumen_{artery}_rest"] = f"the lumen of the {artery} (the rest)"
+        names[f"lumen_{artery}{REST}"] = f"the lumen of the {artery} (the rest)"
+        names[f"unmeasured_{artery}"] = f"the beds of the {artery} without measured flow"
     names |= {f"heart_{k}": f"the heart (component {k})" for k in range(1, HEART_COMPONENTS + 1)}
     return names | {
         "hyperaemia": "the fall of resistance under hyperaemia",

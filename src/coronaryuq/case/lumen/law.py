@@ -14,6 +14,8 @@ from coronaryuq.case.description.lumen import LumenError
 
 COMMON = "lumen_common"
 """Coordinate of the error that all coronary arteries share."""
+REST = "_rest"
+"""End of the name of an artery's last coordinate, which carries what its terms leave."""
 MODES = 3
 """Coordinates of the correlated error of an artery with a stenosis, besides that of the rest."""
 FINENESS = 5.0
@@ -101,7 +103,8 @@ def lumen_law(tree: Tree, stenoses: Sequence[Stenosis], error: LumenError, modes
     that weighs every place, from the artery's start to `REACH` diameters behind the stenosis, by its pressure loss
     times the error's variance there. What these terms leave at a place is carried by one more coordinate of the artery,
     `lumen_ARTERY_rest`, with the standard deviation that is missing there: the law at each place is exact, and the rest
-    counts as if it were wholly correlated along the artery, which overstates its effect on a resistance.
+    counts as if it were wholly correlated along the artery, which overstates its effect on a resistance. It understates
+    how narrow the narrowest place of a stenosis is; see `narrowest_place`.
 
     Parameters
     ----------
@@ -134,7 +137,7 @@ def lumen_law(tree: Tree, stenoses: Sequence[Stenosis], error: LumenError, modes
         weight = _pressure_loss(tree, group, [s for s in stenoses if tree[s.vessel].branch == artery])
         weight *= np.concatenate([log_sd[v.name][1] ** 2 for v in group])
         terms, share = _expansion(np.exp(-_distance(tree, group) / (0.1 * error.length)), weight, modes)
-        labels = [f"lumen_{artery}_{k + 1}" for k in range(len(terms))] + [f"lumen_{artery}_rest"]
+        labels = [f"lumen_{artery}_{k + 1}" for k in range(len(terms))] + [f"lumen_{artery}{REST}"]
         left = np.sqrt(np.clip(1.0 - (terms**2).sum(axis=0), 0.0, None))
         if len(terms):
             captured[artery] = share

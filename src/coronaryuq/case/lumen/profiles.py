@@ -127,6 +127,17 @@ class Lumen:
             log_ratio[:, parts == k] = profile.law.log_ratio(arc[parts == k], z)
         return np.exp(log_ratio)
 
+    def at_end(self, vessel: str) -> tuple[float, dict[str, float]]:
+        """Return the mean of the logarithm of true over segmented radius at the end of a tree vessel.
+
+        With it come its coefficients, coordinate → value; none if the vessel is known exactly.
+        """
+        own = [p for p in self.profiles.values() if p.vessel == vessel]
+        if not own:
+            return 0.0, {}
+        law = max(own, key=lambda p: p.law.arc[-1]).law
+        return float(law.mean[-1]), {name: float(column[-1]) for name, column in law.columns.items()}
+
     def knots(self, vessel: str) -> list[np.ndarray]:
         """Return arc lengths (n,) cm of a tree vessel, between which the logarithm of the ratio is linear."""
         return [profile.law.arc for profile in self.profiles.values() if profile.vessel == vessel]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 FLOW, LUMEN, CUFF_AND_ECHO, MODEL = "flow", "lumen", "cuff and echo", "model"
 ASSUMED = ("hyperaemia", "viscosity", "murray_exponent")
-"""Uncertain parameters that are assumed rather than measured."""
+"""Uncertain parameters that are assumed rather than measured, besides those of beds without measured flow."""
 
 
 def sources(inputs: Sequence[str]) -> dict[str, list[str]]:
@@ -25,4 +25,4 @@ def _source(name: str) -> str:
         return LUMEN
     if name.startswith("heart_"):
         return CUFF_AND_ECHO
-    return MODEL if name in ASSUMED else FLOW
+    return MODEL if name in ASSUMED or name.startswith("unmeasured_") else FLOW
