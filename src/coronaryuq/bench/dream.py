@@ -95,7 +95,9 @@ def bundled_files(folder: Path, realisations: int) -> tuple[Path, Path, Path]:
     perfusion.run_chunk(case, folder / "lv.vtu", noise, SEED, 0, realisations, folder / "chunk.npz")
     perfusion.gather([folder / "chunk.npz"], case, folder / "lv.vtu", noise, targets)
     network, wanted = patient.hyperaemia.network, read_perfusion_targets(targets)
-    share_out(network, shares(read_case(case).outlets, dict(zip(wanted.bc, wanted.mean, strict=True))))
+    outlets = read_case(case).outlets
+    radii = [outlet.radius for outlet in outlets]
+    share_out(network, shares(outlets, radii, dict(zip(wanted.bc, wanted.mean, strict=True))))
     write_network(folder / "hyperaemia.json", network)
     print("the bundled patient is ready", file=sys.stderr, flush=True)
     return case, folder / "hyperaemia.json", targets
