@@ -47,7 +47,7 @@ def test_an_unknown_column_has_no_unit():
 
 @pytest.mark.parametrize("name", WRITTEN)
 def test_every_file_that_a_search_may_write_is_described(name):
-    case = "pairs" if name in ("pairs.csv", "laws.csv") else "case"
+    case = "pairs" if name in ("pairs.csv", "laws.csv", "predicted.csv") else "case"
     assert kind_of(f"discrepancy/{case}/found/{name}") is not None
 
 

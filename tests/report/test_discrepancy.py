@@ -24,10 +24,10 @@ PAIRS = {"formula": "", "source": "", "size": INTERVAL | {"of": "the root pressu
 def cells(tmp_path):
     """Write the page of an answer that names one effect; return the cells of its table."""
 
-    def write(effect):
+    def write(effect, branches=()):
         folder = tmp_path / "pairs" / "found"
         folder.mkdir(parents=True)
-        answer = {"gap_unit": "FFR", "paragraph": "", "named": [effect], "held_out": {"branches": []}}
+        answer = {"gap_unit": "FFR", "paragraph": "", "named": [effect], "held_out": {"branches": list(branches)}}
         (folder / "discrepancy.json").write_text(json.dumps(answer))
         write_page([str(folder / "discrepancy.json")], [], "smoke", {}, tmp_path / "page.html")
         return re.findall(r"<td[^>]*>(.*?)</td>", (tmp_path / "page.html").read_text())
@@ -51,6 +51,23 @@ def test_the_probability_of_a_class_and_of_its_member_are_shown(cells, answer, t
 def test_sizes_of_a_table_model_have_their_intervals(cells):
     text = "0.27 (0.24 to 0.29) of the root pressure, quadratic 4.01 (3.5 to 4.5) mmHg s2/mL2"
     assert cells(PAIRS | LOSS | {"class": [LOSS]})[3] == text
+
+
+def test_pairs_show_the_law_and_how_it_changes_the_prediction(cells, tmp_path):
+    said = {"median": 0.9, "low": 0.85, "high": 0.95, "at_most": {"0.75": 0.0, "0.80": 0.034}}
+    branch = {
+        "branch": "lcx", "place": "v:J", "effects": ["loss"], "coefficients": {"linear": 3.548, "quadratic": 9.9},
+        "recalibration": {"own": 1.7},
+        "ffr_rmse": dict.fromkeys(("before", "recalibration_alone", "after", "flexible"), 0.1),
+        "prediction": {
+            **dict.fromkeys(("simulated", "recalibrated", "measured"), said), "repaired": said | {"median": 0.8},
+        },
+    }  # fmt: skip
+    cells(PAIRS | LOSS | {"class": [LOSS]}, [branch])
+    text = (tmp_path / "page.html").read_text()
+    assert "LCx: pressure lost is 1.7 × the model&#39;s own loss + 3.55 Q + 9.9 Q²" in text
+    assert "<td>With the named effects</td><td>0.800 (0.850 to 0.950)</td><td>0 %</td><td>3 %</td>" in text
+    assert text.count("0.900 (0.850 to 0.950)") == 3
 
 
 def test_every_figure_says_what_to_see_what_is_good_and_what_is_bad(tmp_path):

@@ -114,6 +114,7 @@ rule discrepancy_pairs:
         pairs=paths.discrepancy("pairs", "found", "pairs.csv"),
         laws=paths.discrepancy("pairs", "found", "laws.csv"),
         effects=paths.discrepancy("pairs", "found", "effects.csv"),
+        predicted=paths.discrepancy("pairs", "found", "predicted.csv"),
         paragraph=paths.discrepancy("pairs", "found", "paragraph.txt"),
     log:
         log_of("discrepancy_pairs.log"),

@@ -103,6 +103,12 @@ PAIRS: Columns = (
     ),
     ("ffr_.+", "fractional flow reserve: measured, simulated, recalibrated, repaired, flexible", "1"),
 )
+PAIRS_PREDICTED: Columns = (
+    ("branch", "artery", "text"),
+    ("model", "simulated, recalibrated, repaired, measured", "text"),
+    ("ffr_(low|median|high)", "5, 50 and 95 % quantile of FFR over the samples", "1"),
+    ("at_most_.+", "fraction of the samples whose FFR is at most this", "1"),
+)
 
 
 OUTLETS: Columns = (

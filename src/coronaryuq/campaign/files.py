@@ -151,6 +151,7 @@ KINDS = (
     Kind(r"discrepancy/[^/]+/known/gap\.json", "held-out misfit with the true effect"),
     Kind(r"discrepancy/pairs/found/pairs\.csv", "pairs of measured and simulated values", columns.PAIRS),
     Kind(r"discrepancy/pairs/found/laws\.csv", "laws of the pressure drop that were compared", columns.LAWS),
+    Kind(r"discrepancy/pairs/found/predicted\.csv", "FFR over the samples by each model", columns.PAIRS_PREDICTED),
     Kind(r"discrepancy/[^/]+/figures/[^/]+\.(?:png|svg)", "figure of a search"),
     Kind(r"discrepancy/(?:benchmark/)?report\.html", "report on the searches, or on their benchmark"),
     Kind(r"discrepancy/benchmark/[^/]+/seed_\d+\.json", "hidden cases of one seed, and the search's answers"),

@@ -10,6 +10,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
+from coronaryuq.core.units import percent
 from coronaryuq.discrepancy.result.phrases import worth_measuring
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.units_shown import shown_in
@@ -229,6 +230,7 @@ def _gaps(answer: dict, true_gap: dict | None) -> dict:
         "gap_heading": f"Held out: {conditions}" + (f", {held['scheme']}" if held["scheme"] != "held out" else ""),
         "gap_columns": ["Misfit (1 is expected from noise)", "RMSE", "Log predictive density per row"],
         "gaps": rows,
+        "predictions": [],
     }
 
 
@@ -255,4 +257,30 @@ def _pair_gaps(answer: dict) -> dict:
         "gap_heading": "Root mean square error of FFR, held-out samples",
         "gap_columns": list(columns.values()),
         "gaps": rows,
+        # Answers of version 0.2.0 have none.
+        "predictions": [
+            _pair_prediction(branch) for branch in answer["held_out"]["branches"] if "prediction" in branch
+        ],
+    }
+
+
+def _pair_prediction(branch: dict) -> dict:
+    """Return the repaired model of a branch in words, and FFR over the samples by each model."""
+    own, added = branch["recalibration"]["own"], branch["coefficients"] if branch["effects"] else {}
+    law = "".join(
+        f" + {added[term]:.3g} {unit}" for term, unit in {"linear": "Q", "quadratic": "Q²"}.items() if term in added
+    )
+    models = {"simulated": "Unchanged", "recalibrated": "Recalibrated", "repaired": "With the named effects"}
+    rows = []
+    for name, words in (models | {"measured": "Measured"}).items():
+        said = branch["prediction"][name]
+        shares = [f"{percent(share)}" for share in said["at_most"].values()]
+        rows.append(
+            {"name": words, "values": [f"{said['median']:.3f} ({said['low']:.3f} to {said['high']:.3f})", *shares]}
+        )
+    return {
+        "artery": artery(branch["branch"]),
+        "law": f"{own:.2g} × the model's own loss{law}",
+        "columns": ["FFR, median (90 % of the samples)", *(f"FFR at most {one}" for one in said["at_most"])],
+        "rows": rows,
     }

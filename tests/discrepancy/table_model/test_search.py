@@ -21,6 +21,22 @@ def test_a_quadratic_loss_is_named(tmp_path):
 
 
 @pytest.mark.slow
+def test_the_named_loss_changes_the_prediction_to_what_was_measured(tmp_path):
+    exact_pairs(tmp_path, 4.0)
+    answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+    predicted = answer["held_out"]["branches"][0]["prediction"]
+    pairs, table = (pd.read_csv(tmp_path / "out" / name) for name in ("pairs.csv", "predicted.csv"))
+    for model, own in predicted.items():
+        ffr = pairs[f"ffr_{model}"]
+        assert [own["low"], own["median"], own["high"]] == pytest.approx(np.quantile(ffr, [0.05, 0.5, 0.95]).tolist())
+        assert own["at_most"]["0.80"] == pytest.approx(np.mean(ffr <= 0.8))
+        row = table[table.model == model].iloc[0]
+        assert row.ffr_median == pytest.approx(own["median"]) and row["at_most_0.75"] == own["at_most"]["0.75"]
+    off = {model: abs(own["median"] - predicted["measured"]["median"]) for model, own in predicted.items()}
+    assert off["repaired"] < 0.05 * off["simulated"]
+
+
+@pytest.mark.slow
 def test_equal_tables_leave_nothing_to_explain(tmp_path):
     exact_pairs(tmp_path, 0.0)
     answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
@@ -134,7 +150,7 @@ def test_results_replace_those_of_an_earlier_search(tmp_path):
     exact_pairs(tmp_path, 4.0)
     discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", out, 1)
     left = {str(path.relative_to(out)) for path in out.rglob("*") if path.is_file()}
-    ours = {"discrepancy.json", "paragraph.txt", "pairs.csv", "laws.csv", "effects.csv"}
+    ours = {"discrepancy.json", "paragraph.txt", "pairs.csv", "laws.csv", "effects.csv", "predicted.csv"}
     assert left == ours | {"notes.txt", "drives/own.csv"}
     write_text(out / "measurements.csv", "")
     discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", out, 1)

@@ -186,7 +186,7 @@ WRITTEN = (
         "conditions.yaml",
         "difference.txt",
     ),
-    *("pairs.csv", "laws.csv", "effects.csv"),
+    *("pairs.csv", "laws.csv", "effects.csv", "predicted.csv"),
 )
 """All files that a search may write, apart from the folder `drives`."""
 A_CASE = ("measurements.csv", "conditions.yaml")

@@ -14,6 +14,7 @@ from coronaryuq.discrepancy.result.write import clear
 from coronaryuq.discrepancy.table_model.branch_search import FOLDS, BranchSearch, search_branch
 from coronaryuq.discrepancy.table_model.law_selection import Choice, inclusion, is_one_of
 from coronaryuq.discrepancy.table_model.laws import BEYOND, RECALIBRATION, SENSORS, Size, sizes
+from coronaryuq.discrepancy.table_model.prediction import predictions, table_of_predictions
 from coronaryuq.discrepancy.table_model.summary_text import branch_text
 from coronaryuq.discrepancy.table_model.tables import Branch, branches, read_pairs
 from coronaryuq.zerod.effects.library import effect
@@ -41,7 +42,7 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out_dir: Path, s
     simulated, measured
         CSV tables, joined on the column `sample`.
     out_dir
-        Folder for `discrepancy.json`, `pairs.csv`, `laws.csv`, `effects.csv` and `paragraph.txt`.
+        Folder for `discrepancy.json`, `pairs.csv`, `laws.csv`, `effects.csv`, `predicted.csv` and `paragraph.txt`.
     seed
         Seed of the folds.
 
@@ -64,6 +65,8 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out_dir: Path, s
     write_csv(out_dir / "pairs.csv", pd.concat([_samples(search, table0.index) for search in searches]))
     write_csv(out_dir / "laws.csv", pd.DataFrame([row for search in searches for row in _laws(search)]))
     write_csv(out_dir / "effects.csv", pd.DataFrame([row for answer in answers for row in _effects(answer)]))
+    predicted = [row for answer in answers for row in table_of_predictions(answer["branch"], answer["prediction"])]
+    write_csv(out_dir / "predicted.csv", pd.DataFrame(predicted))
     write_text(out_dir / "paragraph.txt", summary["paragraph"] + "\n")
     write_json(out_dir / "discrepancy.json", summary)
     return summary
@@ -156,6 +159,7 @@ def _answer(search: BranchSearch) -> dict:
             "simulated": float(search.before.mean()),
             "repaired": float(search.after.mean()),
         },
+        "prediction": predictions(search),
         "ffr_rmse": {
             "before": search.rmse(search.before),
             "recalibration_alone": search.rmse(search.plain),
