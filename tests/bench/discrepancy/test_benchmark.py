@@ -94,3 +94,9 @@ def test_a_size_is_scaled_until_it_leaves_the_wanted_trace(tmp_path):
         assert truth.visible == pytest.approx(20.0, rel=0.05) and abs(truth.sizes[0]) <= 3.0
     faint = Case(("flow_gain",), "trace 1e6", "nominal", 5)
     assert hide(faint, open_loop(), tmp_path) == (None, 6), "no plausible gain has that trace"
+
+
+@pytest.mark.parametrize("two", [("rivals", "evidence"), ("rivals", "loop"), ("evidence", "loop")])
+def test_scores_of_two_kinds_are_not_asked_for_at_once(two):
+    with pytest.raises(InputError, match=f"--{two[1]}: not together with --{two[0]}"):
+        run(quick=True, **dict.fromkeys(two, True))

@@ -55,6 +55,8 @@ SPREADS = {
 }
 PREDICTION = "prediction"
 """In place of the strength of a case whose prediction is scored: sizes are drawn."""
+INSTEAD = ("rivals", "evidence", "loop")
+"""Options each of which scores something else than the search's names."""
 NOT_IN_3D = (
     "network", "strengths", "noises", "resume", "trace", "nature", *SPREADS, "set_aside", "rivals", "evidence", "loop",
 )  # fmt: skip
@@ -94,11 +96,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(f"--{name}", metavar="SD", type=_share, help=help)
     parser.add_argument("--set-aside", metavar="FILE", help="run only the effects and seeds of this file")
     parser.add_argument("--effects", nargs="+", metavar="CELL", help="labels of the cells to run (default: all)")
-    parser.add_argument("--rivals", action="store_true", help="let other methods answer in place of the search")
-    parser.add_argument(
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument("--rivals", action="store_true", help="let other methods answer in place of the search")
+    instead.add_argument(
         "--evidence", action="store_true", help="compare the evidence of each answer with that by importance sampling"
     )
-    parser.add_argument(
+    instead.add_argument(
         "--loop",
         action="store_true",
         help="adopt what the search finds, and predict FFR and bed flows before, after and with the truth; "
@@ -234,6 +237,9 @@ def run(**options: Any) -> dict:
         For a network that is not a closed loop, unknown cells, and options that the 3D solver does not have.
     """
     chosen = Options(**options)
+    asked = [f"--{name}" for name in INSTEAD if getattr(chosen, name)]
+    if len(asked) > 1:
+        raise InputError("bench discrepancy", asked[1], None, f"not together with {asked[0]}")
     if chosen.loop:
         return _predicted(chosen)
     limit = chosen.seconds if chosen.seconds is not None else (40.0 if chosen.quick else np.inf)
