@@ -1,9 +1,12 @@
 """Inputs of the posterior in words."""
 
+from typing import get_args
+
 import pytest
 
+from coronaryuq.calibration.unmeasured_beds import PREFIX
 from coronaryuq.case.anatomy.tree import Tree
-from coronaryuq.case.case_json import CaseSummary
+from coronaryuq.case.case_json import Branch, CaseSummary
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.report.input_names import input_names
@@ -19,3 +22,9 @@ def test_every_coordinate_of_a_lumen_has_a_name(seed):
     assert {name: words.get(name) for name in names if name not in words} == {}
     assert all("_" not in words[name] for name in names)
     assert words["lumen_common"] == "the lumen of all arteries"
+
+
+@pytest.mark.parametrize("artery", get_args(Branch))
+def test_the_beds_of_every_artery_without_measured_flow_have_a_name(artery):
+    words = input_names(CaseSummary.model_validate(case_content()))
+    assert words[PREFIX + artery] == f"the beds of the {artery} without measured flow"

@@ -8,7 +8,7 @@ MEASUREMENTS = {
     "flow": "perfusion",
     "lumen": "the lumen's segmentation",
     "cuff and echo": "cuff and echocardiogram",
-    "model": "the assumed hyperaemia and blood",
+    "model": "what is assumed of hyperaemia, blood and unmeasured beds",
     "numerics": "mesh and time step",
 }
 """Source of uncertainty → what would have to be better known."""
