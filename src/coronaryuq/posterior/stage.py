@@ -21,7 +21,7 @@ from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import FlowModel, Posterior, respond
 from coronaryuq.posterior.model.fractions import fractions
-from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.likelihood import Likelihood, RelativeLikelihood
 from coronaryuq.posterior.model.tissue import PerGram, Tissue
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
 from coronaryuq.posterior.results import PRIOR_SHARE, Chains, ReferenceShares
@@ -144,7 +144,8 @@ def run_chains(
     fit = found.prepared.fit if found else ranks.run_on_first(lambda: fit_fractions(model.flows, weights, targets.mean))
     scaled = settings.scale_targets and unknowns.tissue is None
     factor = float(fit.flows_at_r_hat.sum() / targets.mean.sum()) if scaled else 1.0
-    likelihood = Likelihood(targets.mean * factor, targets.covariance * factor**2, targets.source)
+    kind = Likelihood if unknowns.tissue is None else RelativeLikelihood
+    likelihood = kind(targets.mean * factor, targets.covariance * factor**2, targets.source)
     space = _space(unknowns, settings)
     response = found.prepared.response if found else None
     if response is None and len(laws) and unknowns.tissue is None:

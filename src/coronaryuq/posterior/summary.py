@@ -9,7 +9,7 @@ import numpy as np
 from coronaryuq.core.importance_weights import good_enough, pareto_smoothed
 from coronaryuq.core.io.atomic import replacing
 from coronaryuq.core.seeds import generator
-from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.likelihood import likelihood_of
 from coronaryuq.posterior.model.predictive import check
 from coronaryuq.posterior.results import (
     Chains,
@@ -82,7 +82,6 @@ def summarise(
     """Return verdict, marginals, fit and predictive checks; draws: rows of the table of draws."""
     names, multipliers, extra = chains.names, chains.kept_multipliers, chains.parameter_names
     drawn = np.concatenate([multipliers, chains.kept_parameters], axis=2)
-    likelihood = Likelihood(chains.target_mean, chains.target_covariance)
     flat, quantiles = drawn.reshape(-1, len(names) + len(extra)), (0.025, 0.5, 0.975)
     fitted, inferred_total = by_name(names, chains.fit_multipliers), SCALING in extra
     # A parameter without spread is no unknown.
@@ -126,7 +125,7 @@ def summarise(
         most_probable_draw=by_name([*names, *extra], flat[np.argmax(chains.kept_log_density)]),
         predictive=check(
             chains.kept_flows.reshape(-1, len(names)),
-            likelihood,
+            likelihood_of(chains),
             names,
             generator(seed, "posterior", "predictive"),
             total_free=inferred_total,

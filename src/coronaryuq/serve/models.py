@@ -25,7 +25,8 @@ from coronaryuq.flow3d.settings import Settings as Flow3DSettings
 from coronaryuq.flow3d.stage import make_adapter
 from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.model.flow_model import Response, respond
-from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.likelihood import likelihood_of
+from coronaryuq.posterior.model.tissue import PerGram
 from coronaryuq.posterior.results import Chains
 from coronaryuq.zerod.network.beds import SCALING
 from coronaryuq.zerod.network.numbering import Model
@@ -103,18 +104,21 @@ class LogLikelihood:
         settings = files.configuration.posterior
         chains = Chains.read(files.path("posterior", "length_1", "chains.npz"))
         vessels = {outlet.bc: outlet.vessel for outlet in read_case(files.path("case", "case.json")).outlets}
+        # Where the total resistance was inferred, it is an input.
+        further = [name for name in PerGram.further if name in chains.parameter_names]
         self._flows = BedFlows(
             files.path("calibration", "hyperaemia.json"),
             {bed: vessels[bed] for bed in chains.names},
             tolerance=settings.cycle_tolerance,
             steps_per_cycle=settings.steps_per_cycle,
+            further=further,
         )
-        self._likelihood = Likelihood(chains.target_mean, chains.target_covariance)
+        self._likelihood = likelihood_of(chains)
         self._laws = self._flows.theta.laws
         self._response: Response | None = None
-        self.signed, self.inputs = self._laws.names, [*chains.names, *self._laws.names]
+        self.signed, self.inputs = self._laws.names, [*chains.names, *further, *self._laws.names]
         self.lanes = files.configuration.zerod.batch
-        if self.signed and settings.scale_targets:
+        if self.signed and settings.scale_targets and not further:
             at_r_hat = self._flows.flows(np.ones((1, len(chains.names))))[0]
             self._response = respond(self._flows, self._laws, at_r_hat)
 

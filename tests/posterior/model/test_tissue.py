@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.model.emulator import Emulator
 from coronaryuq.posterior.model.flow_model import Posterior
-from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.likelihood import RelativeLikelihood
 from coronaryuq.posterior.model.linearised import Linearised, design_size
 from coronaryuq.posterior.model.most_probable import most_probable
 from coronaryuq.posterior.model.tissue import LEVEL, PerGram, Tissue
@@ -88,7 +88,7 @@ def problem(truth=0.75):
     model = Stenosed(per_gram * 100.0 / MASS, 150.0)
     inputs = np.concatenate([np.ones(5), [truth]])[None]
     flows = model.flows(inputs)[0]
-    likelihood = Likelihood(flows, np.diag((0.1 * flows) ** 2) + 0.1**2 * np.outer(flows, flows))
+    likelihood = RelativeLikelihood(flows, np.diag((0.1 * flows) ** 2) + 0.1**2 * np.outer(flows, flows))
     # r-hat as the calibration leaves it: shares of conductance that follow the flow.
     own = PerGram(model.weights, Tissue(MASS, ARTERIES, 0.25, 0.5), laws)
     return model, own, Posterior(model, own, likelihood, total_known=True)
@@ -99,7 +99,8 @@ def test_little_flow_per_gram_narrows_the_artery():
     _, same, plain = problem(truth=1.0)
     tight = own.laws.values(own.standard(most_probable(posterior, np.zeros(5)).x[None]))[0, 0]
     wide = same.laws.values(same.standard(most_probable(plain, np.zeros(5)).x[None]))[0, 0]
-    assert tight < 0.9 and abs(wide - 1.0) < 1e-3
+    # Where noise grows with the flow, the most probable flows are a little below the readings.
+    assert tight < 0.9 and abs(wide - 1.0) < 0.02
 
 
 def test_the_most_probable_state_is_a_minimum():
@@ -118,7 +119,7 @@ def test_the_emulated_density_is_that_of_emulated_flows():
     model, own, posterior = problem()
     found = most_probable(posterior, np.zeros(5))
     random = np.random.default_rng(3)
-    linearised = Linearised.at(own, posterior.likelihood, found.x, found.slope)
+    linearised = Linearised.at(own, posterior.likelihood, found.x, found.flows, found.slope)
     x = linearised.design(own, 4 * design_size(5), random)
     emulator = Emulator.fit(own.stepped(x), own.multipliers(x), model.flows(own.inputs(x)))
     expected = own.log_prior(x) + posterior.likelihood.log_density(emulator.flows(x, own.multipliers(x)))
@@ -140,20 +141,20 @@ SHORT = Settings(
 
 @pytest.mark.long
 def test_simulation_based_calibration(tmp_path, capsys):
-    """Truth from the prior, flows with their noise: ranks of resistances, level and throat are uniform."""
+    """Truth from the prior, readings in error by a fraction of the flow, in part the same for all, as of a map whose
+    covariance is stated from what was read: ranks of resistances, level and throat are uniform."""
     replications, laws = 120, Laws([THROAT])
     tissue = Tissue(MASS, ARTERIES, 0.25, 0.5)
     model = Stenosed(9000.0 / MASS, 150.0)
     own = PerGram(model.weights, tissue, laws)
-    usual = model.flows(np.concatenate([np.ones(5), [1.0]])[None])[0]
-    covariance = np.diag((0.2 * usual) ** 2) + 0.1**2 * np.outer(usual, usual)
-    noise, random = np.linalg.cholesky(covariance), np.random.default_rng(2024)
+    relative = 0.2**2 * np.eye(4) + 0.1**2
+    noise, random = np.linalg.cholesky(relative), np.random.default_rng(2024)
     ranks = np.empty((replications, 6), dtype=int)
     for k in range(replications):
         x = own.draw(random, 1)
         flows = model.flows(own.inputs(x))[0]
-        data = flows + noise @ random.standard_normal(4)
-        targets = stage.TargetFlows(list("abcd"), data, covariance)
+        data = flows * (1.0 + noise @ random.standard_normal(4))
+        targets = stage.TargetFlows(list("abcd"), data, relative * np.outer(data, data))
         unknowns = stage.Unknowns(model.weights, laws, tissue)
         stage.run_chains(model, unknowns, targets, SHORT, k, tmp_path / "chains.npz", key=str(k))
         chains = Chains.read(tmp_path / "chains.npz")

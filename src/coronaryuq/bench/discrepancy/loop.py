@@ -116,7 +116,7 @@ def _case(experiment: Experiment, nature: Nature, name: str, seed: int, threads:
     true_ffr, true_flow, true_pressure = true.ffr[0], true.flow[0], true.pressure[0]
     pressure = float(true_pressure * (1.0 + PRESSURE_NOISE * random.standard_normal()))
     noisy = true_flow * (1.0 + NOISE * random.standard_normal(len(true_flow)))
-    targets = TargetFlows(list(beds), noisy, np.diag((NOISE * true_flow) ** 2))
+    targets = TargetFlows(list(beds), noisy, np.diag((NOISE * noisy) ** 2))
     covariance = (CERTAIN * np.eye(len(sizes))).tolist()
     known = [[Placed(name, placed.place, 1.0, False, sizes.tolist(), covariance)]]
     classes = {"before": [], "after": chosen(answer).classes, "truth": known}

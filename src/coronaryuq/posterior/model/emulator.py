@@ -126,7 +126,9 @@ def _conditioned(y, smooth, basis, low, high, centre, scale, coefficients, mean,
             continue
         for a in range(beds, d):
             prior -= 0.5 * y[row, a] ** 2
-        _emulate(smooth[row], relative, centre, scale, coefficients, mean, z, residual)
+        _emulate(smooth[row], relative, centre, scale, coefficients, z, residual)
+        for i in range(outlets):
+            residual[i] -= mean[i]
         value = prior + constant - 0.5 * _misfit(residual, whitening)
         result[row] = _defended(value, y[row], about, factor, height)
     return result
@@ -135,7 +137,7 @@ def _conditioned(y, smooth, basis, low, high, centre, scale, coefficients, mean,
 @njit(cache=True)
 def _per_gram(x, smooth, middle, root, centre, scale, coefficients, mean, whitening, constant,
               about, factor, height):  # fmt: skip
-    """Return the log posterior (n,) in the coordinates of `PerGram`."""
+    """Return the log posterior (n,) in the coordinates of `PerGram`, with a `RelativeLikelihood`."""
     n, d = x.shape
     outlets = len(middle)
     result = np.empty(n)
@@ -149,15 +151,18 @@ def _per_gram(x, smooth, middle, root, centre, scale, coefficients, mean, whiten
             for a in range(i + 1):
                 log_multiplier += root[i, a] * x[row, a]
             relative[i] = np.exp(-log_multiplier)
-        _emulate(smooth[row], relative, centre, scale, coefficients, mean, z, residual)
+        _emulate(smooth[row], relative, centre, scale, coefficients, z, residual)
+        for i in range(outlets):
+            prior -= np.log(residual[i])
+            residual[i] = 1.0 - mean[i] / residual[i]
         value = prior + constant - 0.5 * _misfit(residual, whitening)
         result[row] = _defended(value, x[row], about, factor, height)
     return result
 
 
 @njit(cache=True)
-def _emulate(smooth, relative, centre, scale, coefficients, mean, z, residual):
-    """Write flows less targets to `residual`; relative: inverse multipliers."""
+def _emulate(smooth, relative, centre, scale, coefficients, z, flows):
+    """Write the emulated flows; relative: inverse multipliers."""
     d = len(z)
     for a in range(d):
         z[a] = (smooth[a] - centre[a]) / scale[a]
@@ -170,7 +175,7 @@ def _emulate(smooth, relative, centre, scale, coefficients, mean, z, residual):
                 inner += coefficients[i, place] * z[b]
                 place += 1
             value += inner * z[a]
-        residual[i] = np.exp(value) * relative[i] - mean[i]
+        flows[i] = np.exp(value) * relative[i]
 
 
 @njit(cache=True)

@@ -38,13 +38,15 @@ class Linearised:
             centre = 0.9 * centre
         if slope is not None:
             derivative = np.hstack([derivative, flows[:, None] * slope])
-        return cls.at(space, likelihood, centre, derivative)
+        return cls.at(space, likelihood, centre, flows, derivative)
 
     @classmethod
-    def at(cls, space: Space, likelihood: Likelihood, centre: np.ndarray, slope: np.ndarray) -> "Linearised":
-        """Linearise at coordinates `centre` (d,), where the flows have the derivatives `slope` (N, d)."""
+    def at(
+        cls, space: Space, likelihood: Likelihood, centre: np.ndarray, flows: np.ndarray, slope: np.ndarray
+    ) -> "Linearised":
+        """Linearise at coordinates `centre` (d,), where `flows` (N,) have the derivatives `slope` (N, d)."""
         with threadpool_limits(1):
-            by = likelihood.whitening @ slope
+            by = likelihood.derivative(flows, slope)
             return cls(centre, np.linalg.cholesky(by.T @ by + np.diag(space.prior_precision)))
 
     def design(self, space: Space, count: int, random: np.random.Generator, width: float = WIDTH) -> np.ndarray:

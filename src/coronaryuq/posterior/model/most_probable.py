@@ -16,9 +16,10 @@ ENOUGH = 1e-2
 
 @dataclass(frozen=True)
 class MostProbable:
-    """x (d,), derivatives (N, d) of the flows there in mL/s, and the model runs that it took."""
+    """x (d,), flows (N,) there in mL/s and their derivatives (N, d), and the model runs that it took."""
 
     x: np.ndarray
+    flows: np.ndarray
     slope: np.ndarray
     runs: int
 
@@ -44,7 +45,7 @@ def most_probable(posterior: Posterior, start: np.ndarray) -> MostProbable:
     likelihood, runs = posterior.likelihood, 0
 
     def cost(x: np.ndarray, flows: np.ndarray) -> np.ndarray:
-        found = 0.5 * np.sum(likelihood.whitened(flows) ** 2, axis=1) + 0.5 * np.sum(x**2, axis=1)
+        found = 0.5 * np.sum(x**2, axis=1) - likelihood.log_density(flows)
         return np.where(np.isfinite(found), found, np.inf)
 
     x, damping = start.copy(), 1e-3
@@ -56,9 +57,9 @@ def most_probable(posterior: Posterior, start: np.ndarray) -> MostProbable:
         slope = _slope(posterior, x)
         runs += 2 * len(x) + 1
         with threadpool_limits(1):
-            by = likelihood.whitening @ slope
+            by = likelihood.derivative(flows[0], slope)
             precision = by.T @ by + np.eye(len(x))
-            downhill = -(by.T @ likelihood.whitened(flows)[0] + x)
+            downhill = -(likelihood.gradient(flows[0], slope) + x)
             # Several dampings at once: one batch of runs, and no ranks that wait.
             dampings = damping * 10.0 ** np.arange(-1, 5)
             steps = [np.linalg.solve(precision + d * np.diag(np.diag(precision)), downhill) for d in dampings]
@@ -72,7 +73,7 @@ def most_probable(posterior: Posterior, start: np.ndarray) -> MostProbable:
             x, flows, least, damping = tried[best], found[best : best + 1], float(costs[best]), float(dampings[best])
         if fall < ENOUGH:
             break
-    return MostProbable(x, _slope(posterior, x), runs + 2 * len(x))
+    return MostProbable(x, flows[0], _slope(posterior, x), runs + 2 * len(x))
 
 
 def _slope(posterior: Posterior, x: np.ndarray) -> np.ndarray:

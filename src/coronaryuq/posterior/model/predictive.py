@@ -27,14 +27,13 @@ def check(
     the targets do. sd_ratio, correlation_rms: simulated covariance against the targets', given their total unless it is
     free.
     """
-    noise = np.linalg.cholesky(likelihood.covariance)
-    replicated = flows + np.sum(noise[None] * random.standard_normal(flows.shape)[:, None, :], axis=2)
+    replicated = likelihood.replicated(flows, random)
     low, high = np.quantile(replicated, [0.025, 0.975], axis=0)
     inside = (likelihood.mean >= low) & (likelihood.mean <= high)
     mean, covariance = flows.mean(axis=0), np.cov(flows, rowvar=False)
     expected = likelihood.covariance if total_free else given_total(likelihood.covariance)
     far = np.sum(likelihood.whitened(flows) ** 2, axis=1)
-    far_replicated = np.sum(np.sum(likelihood.whitening[None] * (replicated - flows)[:, None, :], axis=2) ** 2, axis=1)
+    far_replicated = np.sum(likelihood.whitened(flows, replicated) ** 2, axis=1)
     pairs = np.triu_indices(len(names), 1)
     simulated_correlation, expected_correlation = _correlation(covariance)[pairs], _correlation(expected)[pairs]
     fraction, wanted = flows / flows.sum(axis=1, keepdims=True), likelihood.mean / likelihood.mean.sum()

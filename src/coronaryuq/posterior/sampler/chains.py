@@ -43,7 +43,7 @@ def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> P
     count = max(settings.emulator.design or design_size(space.dimension), chains)
     if isinstance(space, PerGram):
         found = most_probable(posterior, space.coordinates(fit.multipliers[None])[0])
-        linearised = Linearised.at(space, likelihood, found.x, found.slope)
+        linearised = Linearised.at(space, likelihood, found.x, found.flows, found.slope)
         fit = replace(fit, runs=fit.runs + found.runs)
     else:
         linearised = Linearised.about(space, likelihood, fit.multipliers, fit.flows, posterior.slope)
