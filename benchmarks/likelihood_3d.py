@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.importance_weights import pareto_smoothed
-from coronaryuq.posterior.model.likelihood import Likelihood
+from coronaryuq.posterior.model.likelihood import likelihood_of
 from coronaryuq.posterior.results import Chains
 
 LEVELS = (0.05, 0.5, 0.95)
@@ -30,7 +30,7 @@ def compared(results: Path) -> dict:
     samples = simple.index.intersection(full.index)
     simple, full = simple.loc[samples], full.loc[samples]
     columns = [_flow_into(bed, full.columns) for bed in chains.names]
-    likelihood = Likelihood(chains.target_mean, chains.target_covariance)
+    likelihood = likelihood_of(chains)
     flows = {name: table[columns].to_numpy() for name, table in (("0d", simple), ("3d", full))}
     log_ratio = likelihood.log_density(flows["3d"]) - likelihood.log_density(flows["0d"])
     k_hat, weights = pareto_smoothed(log_ratio)

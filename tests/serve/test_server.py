@@ -9,11 +9,16 @@ import pandas as pd
 import pytest
 import requests
 
+from coronaryuq.campaign.results import ResultsFolder
+from coronaryuq.case.case_json import read_case
+from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.cli.main import main
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
+from coronaryuq.perfusion.targets import read_perfusion_targets, supplied
+from coronaryuq.posterior.model.tissue import PerGram, Tissue
 from coronaryuq.posterior.results import Chains
-from coronaryuq.serve.models import models_of
+from coronaryuq.serve.models import LogLikelihood, models_of
 from coronaryuq.zerod.settings import Settings
 from coronaryuq.zerod.stage import run_chunk
 from support.served import served, small_campaign
@@ -92,6 +97,25 @@ def test_the_log_likelihood_is_the_chains_up_to_the_prior(server, home):
     prior = 2.0 * np.log(states).sum(axis=1)
     assert len(np.unique(density)) > 5
     assert np.ptp(density - likelihood - prior) < 1e-6 * np.abs(likelihood).max()
+
+
+def test_the_log_likelihood_takes_the_total_resistance_where_the_chains_inferred_it(tmp_path):
+    home = small_campaign(tmp_path, errors=RoutineErrors().model_dump())
+    chains = Chains.read(home / "posterior" / "length_1" / "chains.npz")
+    assert chains.parameter_names == ["R_cor_scaling"]
+    model = LogLikelihood(ResultsFolder(home))
+    assert model.inputs == [*chains.names, "R_cor_scaling"]
+    states = np.concatenate([chains.kept_multipliers, chains.kept_parameters], axis=2).reshape(-1, 4)[::7]
+    density = chains.kept_log_density.reshape(-1)[::7]
+    held = read_perfusion_targets(home / "perfusion" / "targets.json")
+    arteries = [outlet.branch for outlet in read_case(home / "case" / "case.json").outlets]
+    errors = RoutineErrors()
+    tissue = Tissue(supplied(held), arteries, errors.microvascular, errors.microvascular_correlation)
+    space = PerGram(chains.weights, tissue)
+    prior = space.log_prior(space.coordinates(states[:, :3] * states[:, 3:]))
+    likelihood = np.array([value for (value,) in model.run(states)])
+    assert len(np.unique(density)) > 5
+    np.testing.assert_allclose(density, likelihood + prior, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize(

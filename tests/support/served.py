@@ -27,7 +27,7 @@ flow3d: {steps_per_cycle: 100, max_cycles: 2, ramp_cycles: 0.1, wall_samples_per
 """
 
 
-def small_campaign(folder: Path) -> Path:
+def small_campaign(folder: Path, **case_values) -> Path:
     """Write `results/tiny` of a tree of resistors with three beds, their posterior sampled for real; return it."""
     home = folder / "results" / "tiny"
     for part in ("case", "calibration", "posterior", "perfusion"):
@@ -37,7 +37,7 @@ def small_campaign(folder: Path) -> Path:
     tree = ResistorTree.of(BEDS)
     write_json(loop, network_of(tree))
     outlets = [{"name": f"v{k}", "bc": f"BC_{k}"} for k in range(BEDS)]
-    write_case_json(case, outlets=outlets, stenoses=[LAD], name="tiny", aorta={"pressure": "AORTA:root"})
+    write_case_json(case, outlets=outlets, stenoses=[LAD], name="tiny", aorta={"pressure": "AORTA:root"}, **case_values)
     names = [outlet["bc"] for outlet in outlets]
     targets = write_perfusion_targets(home / "perfusion" / "targets.json", names, *targets_of(tree))
     out = home / "posterior"
