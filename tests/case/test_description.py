@@ -285,6 +285,8 @@ TARGETS = {
     "not a number": ("PaoMean,x,ninety", "PaoMean = 'ninety': expected a number or none"),
     "twice": ("PaoMean,x,90\nPaoMean,x,91", "PaoMean = '91': duplicate"),
     "columns": ("PaoMean,90", "line 1 = 'PaoMean,90': expected name, description, value"),
+    "decimal comma": ("PaoMean,x,93\nAbsQin,Stroke volume,71,5", "line 2 = 'AbsQin,Stroke volume,71,5': a decimal"),
+    "thousands": ('AbsQin,x,"1,071"', "AbsQin = '1,071': expected a number or none, without separators of thousands"),
     "sign": ("PaoMin,x,-69", "PaoMin = -69.0: implausible: -69 mmHg, expected 25 to 200 mmHg"),
     "order": ("PaoMin,x,140\nPaoMax,x,120", "PaoMin = 140.0: must be below PaoMax, 120"),
     "per cent": (

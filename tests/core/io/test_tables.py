@@ -117,5 +117,33 @@ def test_headings_may_be_capitals_and_one_with_a_unit_is_offered(tmp_path):
     with pytest.raises(InputError, match="flow: column missing; .*rename 'flow .mL/min.' to flow"):
         read_csv(tmp_path / "a.csv", ("name", "flow"))
     (tmp_path / "a.csv").write_text("Name,name,Flow\na,b,2\n")
-    with pytest.raises(InputError, match="flow: column missing"):
+    with pytest.raises(InputError, match="name = 'Name, name': column given twice"):
         read_csv(tmp_path / "a.csv", ("name", "flow"))
+
+
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_a_comma_that_may_separate_thousands_is_asked_about(tmp_path, mark):
+    path = tmp_path / "flows.csv"
+    path.write_text(f"name{mark}flow\nlad{mark}1,092\nlcx{mark}31\n")
+    with pytest.raises(InputError, match=r"line 2 = '1,092': a decimal comma, or thousands\? write 1\.092 or 1092"):
+        read_csv(path)
+    for certain in ("92,5", "0,031", "31,250"):  # the last: all numbers of the column have three decimals
+        path.write_text(f"name{mark}flow\nlad{mark}1,092\nlcx{mark}{certain}\n")
+        assert list(read_csv(path)["flow"]) == [1.092, float(certain.replace(",", "."))]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("name,flow\nlad,1\n# note\n\nlcx,2,3\n", r"line 5: has 3 cells, but the heading 2; check the separators"),
+        ('name,flow\nlad,1\n"lcx,2\n', "line 3: a quotation mark is opened and never closed"),
+        ("lad,0.0,0.0,2.1\nlad,1.0,0.0,2.0\n", "line 1 = 'lad, 0.0, 0.0, 2.1': expected a heading with the names of"),
+        ("name,flow, Flow\nlad,1,2\n", "flow = 'flow, Flow': column given twice; keep one"),
+    ],
+)
+def test_a_malformed_table_is_told_by_its_line(tmp_path, text, line):
+    path = tmp_path / "flows.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
+        read_csv(path, ("name", "flow"))
+    assert line in str(error.value) and "\n" not in str(error.value)

@@ -15,7 +15,7 @@ from coronaryuq.case.description.yaml_file import read_yaml
 from coronaryuq.case.perfusion.perfusion_map import PLAUSIBLE_FLOW, PLAUSIBLE_VOLUME
 from coronaryuq.case.tables.targets import BY_NAME, check_targets
 from coronaryuq.core.errors import InputError, meant, nearest
-from coronaryuq.core.io.tables import line_number, read_csv, read_table_text
+from coronaryuq.core.io.tables import has_decimal_commas, line_number, read_csv, read_table_text
 from coronaryuq.core.units import FLOWS, MBF_PER_MIN_PER_G, TISSUE_DENSITY, perfusions
 
 Choice = TypeVar("Choice", bound=str)
@@ -186,7 +186,7 @@ def _outlet_names(path: Path, frame, lv: dict[str, str]) -> list[str]:
         raise InputError(path, "name", ", ".join(strangers), remedy)
     for number, name in enumerate(names):
         if name in names[:number]:
-            raise InputError(path, "name", cells[number], "duplicate")
+            raise InputError(path, "name", cells[number], "duplicate; keep one row")
     if missing:
         raise InputError(path, "name", ", ".join(missing), "missing; every outlet that perfuses the LV needs a row")
     return names
@@ -259,6 +259,7 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
     """
     targets: dict[str, tuple[str | None, float | None, str | None]] = {}
     text, separator = read_table_text(path)
+    comma = has_decimal_commas(path)
     rows = list(enumerate(csv.reader(text.splitlines(), delimiter=separator), start=1))
     rows = [(number, [cell.strip() for cell in row]) for number, row in rows if any(cell.strip() for cell in row)]
     header = [cell.lower() for cell in rows[0][1]] if rows else []
@@ -269,15 +270,18 @@ def csv_targets(path: Path) -> dict[str, tuple[str | None, float | None, str | N
     for number, row in rows[1:] if headed else rows:
         if headed and len(row) == len(header):
             cells = dict(zip(header, row, strict=True))
+        elif not headed and len(row) > 3 and separator == "," and all(_is_number(cell) for cell in row[-2:]):
+            remedy = "a decimal comma? write a decimal point, or quote a description that has commas"
+            raise InputError(path, f"line {line_number(path, number - 2)}", separator.join(row), remedy)
         elif not headed and len(row) >= 3:
             cells = {"name": row[0], "description": ", ".join(row[1:-1]), "value": row[-1]}
         else:
             wanted = ", ".join(header) if headed else "name, description, value; or a header with name and value"
             raise InputError(path, f"line {line_number(path, number - 2)}", separator.join(row), f"expected {wanted}")
         name, value = cells["name"], cells["value"]
-        value = value.replace(",", ".") if separator != "," else value
+        value = value.replace(",", ".") if comma else value
         if name in targets:
-            raise InputError(path, name, value, "duplicate")
+            raise InputError(path, name, value, "duplicate; keep one row")
         targets[name] = cells.get("description") or None, _number(path, name, value), cells.get("unit") or None
     return targets
 
@@ -302,8 +306,14 @@ def _number(path: Path, name: str, value: Any) -> float | None:
         remedy = "expected a number or none"
         if isinstance(value, str) and re.match(r"[-+]?[\d.]+\s*[A-Za-z%]", value):
             remedy += "; put units into a column `unit`, with a header"
+        elif isinstance(value, str) and re.fullmatch(r"[-+]?\d+(,\d+)+(\.\d*)?", value):
+            remedy += ", without separators of thousands"
         raise InputError(path, name, value, remedy)
     return number
+
+
+def _is_number(cell: str) -> bool:
+    return re.fullmatch(r"[-+]?\d+(\.\d*)?", cell) is not None
 
 
 def _numbers(path: Path, frame, column: str) -> np.ndarray:

@@ -22,6 +22,8 @@ GAPS = ("", "NA", "N/A", "n/a", "#N/A", "NaN", "nan", "-NaN", "-nan", "NULL", "n
 NAMES = ("name", "vessel", "parent", "bc", "outlet", "label", "location", "place", "branch", "artery", "row", "sample")
 """Columns of names in every table, which may look like numbers or gaps: `001`, `1e3`, `NA`."""
 DECIMAL_COMMA = re.compile(r"(?:^|[;\t])\s*[-+]?\d*,\d+\s*(?:[;\t]|$)", re.MULTILINE)
+GROUPED = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
+"""1,234: a thousand and more, or a number with three decimals."""
 BLOCK = 1 << 20
 """Bytes read at a time."""
 
@@ -52,7 +54,7 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     import pandas as pd
 
     separator = _separator(path)
-    comma = separator != "," and any(DECIMAL_COMMA.search(line) for _, line in _table_lines(path))
+    comma = has_decimal_commas(path)
     try:
         layout: dict[str, Any] = {
             "sep": separator,
@@ -72,12 +74,38 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     except pd.errors.EmptyDataError:
         raise InputError(path, None, None, "is empty; expected a heading and rows") from None
     except ValueError as error:
-        reason = " ".join(str(error).split())
-        raise InputError(path, None, None, f"not a readable CSV file ({reason})") from None
+        raise _unreadable(path, " ".join(str(error).split())) from None
     if not isinstance(frame.index, pd.RangeIndex):
         # If rows are longer than the header, pandas takes their first cells for an index.
         raise InputError(path, "heading", None, "some rows have more cells than the heading; check the separators")
     return _with_columns(path, frame, columns)
+
+
+def has_decimal_commas(path: str | Path) -> bool:
+    """Return whether the numbers of a table have decimal commas, which a table separated by commas never has.
+
+    Raises
+    ------
+    InputError
+        If the commas may as well separate thousands: a column has 1,234 beside whole numbers, and the table has no
+        other number with a comma.
+    """
+    separator = _separator(path)
+    doubtful: dict[int, tuple[int, str]] = {}
+    whole: set[int] = set()
+    for number, line in _table_lines(path) if separator != "," else ():
+        for column, cell in enumerate(part.strip(' "\r\n') for part in line.split(separator)):
+            if GROUPED.fullmatch(cell):
+                doubtful.setdefault(column, (number, cell))
+            elif re.fullmatch(r"[-+]?\d*,\d+", cell):
+                return True
+            elif cell.lstrip("+-").isdecimal():
+                whole.add(column)
+    for column in sorted(whole & set(doubtful)):
+        number, cell = doubtful[column]
+        plain, point = cell.replace(",", ""), cell.replace(",", ".")
+        raise InputError(path, f"line {number}", cell, f"a decimal comma, or thousands? write {point} or {plain}")
+    return bool(doubtful)
 
 
 def read_table_text(path: str | Path) -> tuple[str, str]:
@@ -208,7 +236,21 @@ def _check_heading(path: str | Path, heading: list[str]) -> None:
     names = [str(name).strip() for name in heading]
     for name in names:
         if name and names.count(name) > 1:
-            raise InputError(path, name, None, "column given twice; keep one")
+            number = re.fullmatch(r"[-+]?[\d.,]+(?:[eE][-+]?\d+)?", name)
+            remedy = "expected a heading with the names of the columns" if number else "column given twice; keep one"
+            raise InputError(path, "line 1" if number else name, ", ".join(names) if number else None, remedy)
+
+
+def _unreadable(path: str | Path, reason: str) -> InputError:
+    """Return what pandas says of a malformed table in the words of its user."""
+    if longer := re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", reason):
+        wanted, row, cells = map(int, longer.groups())
+        remedy = f"has {cells} cells, but the heading {wanted}; check the separators, and quote text that has one"
+        return InputError(path, f"line {line_number(path, row - 2)}", None, remedy)
+    if opened := re.search(r"EOF inside string starting at row (\d+)", reason):
+        line = line_number(path, int(opened[1]) - 1)
+        return InputError(path, f"line {line}", None, "a quotation mark is opened and never closed")
+    return InputError(path, None, None, f"not a readable CSV file ({reason})")
 
 
 def _with_columns(path: str | Path, frame: "pd.DataFrame", columns: tuple[str, ...]) -> "pd.DataFrame":
@@ -217,6 +259,9 @@ def _with_columns(path: str | Path, frame: "pd.DataFrame", columns: tuple[str, .
         if set(columns) <= set(plain) and len(set(plain)) == len(plain):
             return frame.set_axis(plain, axis=1)
     for column in columns:
+        spellings = [str(name) for name in frame.columns if str(name).strip().lower() == column.lower()]
+        if len(spellings) > 1:
+            raise InputError(path, column, ", ".join(spellings), "column given twice; keep one")
         if column not in frame.columns:
             near = next((c for c in map(str, frame.columns) if re.match(rf"{re.escape(column)}\W", c, re.I)), None)
             remedy = f"; rename {near!r} to {column}, in the unit asked for" if near else ""
