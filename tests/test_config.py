@@ -87,7 +87,7 @@ def test_every_setting_is_described():
         ("", "not a configuration"),
         ("- a\n", "not a configuration"),
         ("name: [", "not valid YAML"),
-        ("seed: 1\n", "name: field required"),
+        ("seed: 1\n", "name: required field is missing"),
         ("name: x\nsamples: {n_3d: 1}\n", "samples.n_3d = 1: input should be greater than or equal to 8"),
         (
             "name: x\nsamples: {n3d: 100}\n",

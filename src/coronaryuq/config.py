@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -14,6 +15,7 @@ from coronaryuq.case.description.yaml_file import read_yaml, validated
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.settings import Uncertainty
 from coronaryuq.core.errors import InputError, nearest
+from coronaryuq.core.plain_faults import in_plain_words
 from coronaryuq.discrepancy.settings import Settings as DiscrepancySettings
 from coronaryuq.estimation.settings import Settings as EstimationSettings
 from coronaryuq.flow3d.mesh.settings import Settings as MeshSettings
@@ -124,17 +126,17 @@ def validate(values: Any, path: str | Path) -> Campaign:
         field = ".".join(str(part) for part in first["loc"])
         value = None if first["type"] == "missing" else first["input"]
         more = f" (and {errors.error_count() - 1} more)" if errors.error_count() > 1 else ""
-        raise InputError(path, field, value, _remedy(first["type"], first["msg"], field) + more) from None
+        raise InputError(path, field, value, _remedy(first, field) + more) from None
 
 
-def _remedy(kind: str, message: str, field: str) -> str:
-    if kind == "extra_forbidden":
+def _remedy(fault: Mapping[str, Any], field: str) -> str:
+    if fault["type"] == "extra_forbidden":
         model: Any = Campaign
         for part in field.split(".")[:-1]:
             model = model.model_fields[part].annotation
         near = nearest(field.rpartition(".")[2], model.model_fields)
         return f"unknown setting; {near}known here: {', '.join(model.model_fields)}"
-    return message[0].lower() + message[1:]
+    return in_plain_words(fault)
 
 
 def schema() -> dict[str, Any]:

@@ -60,8 +60,12 @@ MISTAKES = {
     "rise of flow": ({"hyperaemia": "4"}, "; if 4 is the factor by which flow rises, write 0.25"),
     "folder for a file": ({"targets": "."}, "is a folder; name a file"),
     "viscosity of SI": ({"viscosity": "0.0035"}, "viscosity = 0.0035: input should be greater than or equal to 0.005"),
-    "not a number": ({"period": "fast"}, "period = 'fast': input should be a valid number"),
-    "infinite": ({"density": ".inf"}, "density = inf: input should be a finite number"),
+    "not a number": ({"period": "fast"}, "period = 'fast': expected a number"),
+    "number with a unit": ({"period": "0.8 s"}, "period = '0.8 s': expected a number; write 0.8 alone, in"),
+    "number with a comma": ({"period": "0,8"}, "period = '0,8': expected a number; write 0.8, with a decimal point"),
+    "a choice": ({"period": "yes"}, "period = 'yes': expected a number"),
+    "nothing": ({"outlets": ""}, "outlets: is empty; give a value, or leave the field out"),
+    "infinite": ({"density": ".inf"}, "density = inf: expected a finite number"),
     "stenosis twice": (
         {
             "stenoses": "[{name: LAD, vessel: lca1, start: 1, end: 2},"
@@ -87,7 +91,7 @@ MISTAKES = {
     ),
     "stenosis name": (
         {"stenoses": "[{name: 2nd, vessel: branch1, start: 1.5, end: 2}]"},
-        "stenoses.0.name = '2nd': string should match pattern",
+        "stenoses.0.name = '2nd': expected a letter, then letters and digits; at most 16 characters",
     ),
     "stenosis half given": (
         {"stenoses": "[{name: LAD, vessel: lca1, start: 1}]"},
@@ -137,6 +141,8 @@ def test_a_mistake_is_one_line_with_file_field_value_and_remedy(small_tree, tmp_
     ("text", "expected"),
     [
         ("name: [unclosed", "not valid YAML"),
+        ("name: patient: 12\n", "line 1: not valid YAML (a colon in a text, or a wrong indentation? quote the text)"),
+        ("name: a\n---\nname: b\n", "line 2: not valid YAML (several documents; keep one)"),
         ("just text", "expected a mapping of fields"),
         ("name: a\nname: b\n", "name: given twice, in lines 1 and 2"),
         ("a: &x [1]\nb: *x\n", "aliases (*name) are not supported"),

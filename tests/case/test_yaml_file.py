@@ -2,7 +2,7 @@
 
 import pytest
 import yaml
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from coronaryuq import config
 from coronaryuq.campaign.start import read_campaign
@@ -40,6 +40,13 @@ def test_numbers_are_what_they_look_like(tmp_path, written, number):
 @pytest.mark.parametrize(("written", "value"), [("yes", True), ("off", False), ("true", True)])
 def test_yes_and_no_are_taken_where_a_choice_is_asked_for(tmp_path, written, value):
     assert validated(Model, read(tmp_path, f"name: a\nflag: {written}\n")).flag is value
+
+
+@pytest.mark.parametrize("written", ["yes", "True", "off"])
+def test_a_choice_is_no_number(tmp_path, written):
+    with pytest.raises(ValidationError, match="number"):
+        validated(Model, read(tmp_path, f"name: a\nnumber: {written}\n"))
+    assert read(tmp_path, f"name: a\nnumber: {written}\n")["number"] in (True, False)
 
 
 @pytest.mark.parametrize("key", NAMES)

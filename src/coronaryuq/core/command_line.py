@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from coronaryuq.core.errors import InputError, nearest, os_error_line
 from coronaryuq.core.io.text import TwiceError, parse_json
+from coronaryuq.core.plain_faults import in_plain_words
 
 Settings = TypeVar("Settings", bound=BaseModel)
 
@@ -103,4 +104,4 @@ def _read(model: type[Settings], settings: str) -> Settings:
     except ValidationError as errors:
         first = errors.errors(include_url=False)[0]
         field = ".".join(map(str, first["loc"])) or None
-        raise InputError("--settings", field, first["input"], first["msg"][0].lower() + first["msg"][1:]) from None
+        raise InputError("--settings", field, first["input"], in_plain_words(first)) from None

@@ -7,6 +7,7 @@ from typing import Annotated, Any, get_args
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from coronaryuq.core.errors import InputError, nearest
+from coronaryuq.core.plain_faults import in_plain_words
 
 OTHER_UNITS: dict[str, dict[str, Callable[[float], float]]] = {
     "period": {"in ms": lambda x: x / 1000, "a heart rate per min": lambda x: 60 / x},
@@ -41,7 +42,7 @@ def one_line(path: str | Path, errors: ValidationError, model: type[BaseModel]) 
     where = [str(part) for part in first["loc"] if not str(part).startswith(("literal[", "list[", "function-"))]
     field = ".".join(where) or None
     value = None if first["type"] in ("missing", "value_error") else first["input"]
-    message = first["msg"].removeprefix("Value error, ")
+    message = in_plain_words(first)
     if "literal['auto']" in first["loc"]:
         message = "expected auto, a list such as [{name: LAD, vessel: LAD, start: 2.0, end: 3.0}], or [] for none"
         faults = [fault for fault in faults if fault["loc"][:1] != first["loc"][:1]]
@@ -49,12 +50,12 @@ def one_line(path: str | Path, errors: ValidationError, model: type[BaseModel]) 
     if first["type"] == "extra_forbidden":
         fields = _model_at(model, where[:-1]).model_fields
         message = f"unknown field; {nearest(where[-1], fields)}known fields: {', '.join(fields)}"
-    elif first["type"] == "missing":
-        message = "required field is missing"
+        if where[-1].isdigit():  # {start: 1,0} is {start: 1, 0: null}
+            message = "a decimal comma? write a decimal point"
     elif first["type"].startswith(("greater_than", "less_than")):
         message += _in_other_units(model, where, value)
     others = ", ".join(dict.fromkeys(".".join(map(str, error["loc"])) or "the whole file" for error in faults[1:]))
-    return InputError(path, field, value, message[0].lower() + message[1:] + (f" (also: {others})" if others else ""))
+    return InputError(path, field, value, message + (f" (also: {others})" if others else ""))
 
 
 def _in_other_units(model: type[BaseModel], where: Sequence[str], value: Any) -> str:

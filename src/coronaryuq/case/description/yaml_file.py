@@ -159,9 +159,9 @@ def _read(path: str | Path, wanted: str, loader: Callable[..., _Loader]) -> dict
         where = error.problem_mark
         if where is not None and "'\\t'" in str(error.problem):
             raise InputError(path, f"line {where.line + 1}", None, "has a tab; indent by blanks") from None
-        raise InputError(path, None, None, f"not valid YAML ({error})") from None
+        raise _invalid(path, error) from None
     except (yaml.YAMLError, RecursionError) as error:
-        raise InputError(path, None, None, f"not valid YAML ({error})") from None
+        raise _invalid(path, error) from None
     except InputError:
         raise
     except ValueError as error:  # a number that Python does not take
@@ -169,6 +169,19 @@ def _read(path: str | Path, wanted: str, loader: Callable[..., _Loader]) -> dict
     if not isinstance(content, dict):
         raise InputError(path, None, None, wanted)
     return content
+
+
+def _invalid(path: str | Path, error: Exception) -> InputError:
+    """Return a parser's fault by its line, without the parser's account of how it came there."""
+    mark = getattr(error, "problem_mark", None)
+    if mark is None:
+        return InputError(path, None, None, f"not valid YAML ({error})")
+    reason = str(getattr(error, "problem", None) or "it cannot be read here")
+    hint = {
+        "mapping values are not allowed here": "a colon in a text, or a wrong indentation? quote the text",
+        "but found another document": "several documents; keep one",
+    }.get(reason, reason)
+    return InputError(path, f"line {mark.line + 1}", None, f"not valid YAML ({hint})")
 
 
 def texts(values: Any) -> list[Any]:
@@ -181,11 +194,14 @@ def texts(values: Any) -> list[Any]:
 def validated(model: type[Model], content: Any) -> Model:
     """Validate what `read_yaml` read; where the model wants text, take a value's source.
 
+    `yes` and `true` are never numbers: pydantic would take them for 1.
+
     Raises
     ------
     pydantic.ValidationError
         If it does not fit.
     """
+    content = _choices_as_written(content)
     while True:
         try:
             return model.model_validate(content)
@@ -196,11 +212,23 @@ def validated(model: type[Model], content: Any) -> Model:
                 raise
 
 
+def _choices_as_written(values: Any) -> Any:
+    """Replace every true and false by the word in the file, which pydantic takes for a choice, but not for a number."""
+    if not isinstance(values, Sourced | SourcedList):
+        return values
+    pairs = values.items() if isinstance(values, Sourced) else enumerate(values)
+    found: Any = Sourced(values) if isinstance(values, Sourced) else SourcedList(values)
+    for key, value in pairs:
+        found[key] = values.source.get(key, value) if isinstance(value, bool) else _choices_as_written(value)
+    found.source = dict(values.source)
+    return found
+
+
 def _take_source(content: Any, where: tuple[int | str, ...]) -> bool:
     """Replace the value at a place of the content by its source; return whether there is one."""
     for step in where:
         source = getattr(content, "source", {})
-        if step in source:
+        if source.get(step):
             content[step] = source.pop(step)
             return True
         # A place also names the members of unions, which are not in the content.

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.plain_faults import in_plain_words
 
 Result = TypeVar("Result")
 
@@ -39,5 +40,4 @@ def checked(kind: type[Result], value: Any, path: str | Path, remedy: str = "rec
         field = ".".join(map(str, first["loc"])) or None
         if first["type"] == "missing":
             raise InputError(path, field, None, f"missing; {remedy}") from None
-        message = first["msg"][0].lower() + first["msg"][1:]
-        raise InputError(path, field, first["input"], f"{message}; {remedy}") from None
+        raise InputError(path, field, first["input"], f"{in_plain_words(first)}; {remedy}") from None
