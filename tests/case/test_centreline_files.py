@@ -160,6 +160,8 @@ def test_a_vessel_that_starts_in_the_middle_of_another_cuts_it(small_tree, tmp_p
         (lambda t: t[(t["name"] != "lca1") | (t.index % 21 == 0)], "has one point"),
         (lambda t: pd.concat([t, t[t["name"] == "lca1"]]), "its rows are not together"),
         (lambda t: t.assign(z=t["z"] + 5.0 * (t["name"] == "rca1")), "radii from"),
+        (lambda t: t.assign(x=t["x"].where(t.index != 3, 1e300)), "1e+300 cm': no body reaches so far"),
+        (lambda t: t.assign(branch="PDA"), "branch 'PDA' is none of aorta, LM, LAD"),
     ],
 )
 def test_a_table_that_is_no_tree_is_one_line(small_tree, tmp_path, spoil, message):
@@ -167,6 +169,12 @@ def test_a_table_that_is_no_tree_is_one_line(small_tree, tmp_path, spoil, messag
     with pytest.raises(InputError) as error:
         read_centrelines(tmp_path / "a.csv")
     assert message in str(error.value) and str(tmp_path / "a.csv") in str(error.value)
+
+
+def test_names_have_no_blanks_around_them(small_tree, tmp_path):
+    table = table_of(small_tree)
+    table.assign(name=" " + table["name"] + " ").to_csv(tmp_path / "a.csv", index=False, sep="\t")
+    assert list(read_centrelines(tmp_path / "a.csv")[0].vessels) == list(small_tree.vessels)
 
 
 def test_a_graft_is_refused_as_a_loop(small_tree, tmp_path):

@@ -89,6 +89,10 @@ MISTAKES = {
         {"stenoses": "[{name: LAD, vessel: lca2, start: 1, end: 2}]"},
         "stenoses.LAD.vessel = 'lca2': belongs to the LCx, not the LAD",
     ),
+    "a bed of the aorta named as a coronary one": (
+        {"systemic_outlets": "[{name: BC_lca1, vessel: aorta_outlet}]"},
+        "systemic_outlets.name = 'BC_lca1': outlet lca1 has this name; give each its own",
+    ),
     "stenosis name": (
         {"stenoses": "[{name: 2nd, vessel: branch1, start: 1.5, end: 2}]"},
         "stenoses.0.name = '2nd': expected a letter, then letters and digits; at most 16 characters",
@@ -264,6 +268,32 @@ def test_a_radius_that_no_coronary_artery_has_is_refused(small_tree, tmp_path):
     wide = replace(small_tree["lca1"], radii=np.where(np.arange(len(small_tree["lca1"].radii)) == 5, 3.0, 0.12))
     tree = Tree(wide if vessel.name == "lca1" else vessel for vessel in small_tree)
     assert "lca1 has a radius of 3 cm at" in check_case(write_case(tmp_path, tree))[0][0]
+
+
+def test_an_outlet_at_the_end_of_the_aorta_is_refused(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree)
+    with open(tmp_path / "outlets.csv", "a") as table:
+        table.write("ao,aorta_outlet,RV,RCA\n")
+    assert "outlets.csv: vessel of ao = 'aorta_outlet': is 24 mm wide, as an aorta" in check_case(path)[0][0]
+
+
+def test_an_outlet_may_have_the_name_of_an_aortic_bed(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree)
+    (tmp_path / "outlets.csv").write_text(
+        "name,vessel,perfuses,branch\nRCR1,lca1,LV,LAD\nb,lca2,LV,LCx\nc,rca1,LV,RCA\n"
+    )
+    beds = assemble(path, Settings()).summary
+    assert {o.bc for o in beds.outlets} == {"BC_RCR1", "BC_b", "BC_c"}
+    assert "network: 9 vessels, 3 coronary outlets (3 LV), 1 systemic" in check_case(path)[1]
+
+
+def test_an_artery_that_file_and_table_name_differently_is_noted(small_tree, tmp_path):
+    path = write_case(tmp_path, small_tree, stenoses="[]")
+    (tmp_path / "outlets.csv").write_text(
+        "name,vessel,perfuses,branch\nlca1,lca1,LV,LCx\nlca2,lca2,LV,LCx\nrca1,rca1,LV,RCA\n"
+    )
+    told = "note: outlet lca1: took branch LCx of the table; the anatomy's file says LAD"
+    assert [line for line in check_case(path)[1] if "took branch" in line] == [told]
 
 
 def test_a_misspelt_end_is_offered(small_tree, tmp_path):

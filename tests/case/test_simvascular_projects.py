@@ -96,6 +96,20 @@ def test_of_several_time_steps_the_first_is_taken_with_a_note(project):
     assert notes == ("LAD.pth: took the first of 3 time steps", "LAD.ctgr: took the first of 2 time steps")
 
 
+def test_an_empty_time_step_is_passed_over(project):
+    path = project / "Segmentations" / "LAD.ctgr"
+    path.write_text(path.read_text().replace("<timestep ", '<timestep id="9"/><timestep ', 1))
+    assert "LAD" in read_project(project, 1.0)[0] and read_project(project, 1.0)[1] == ()
+
+
+def test_a_file_without_contours_and_a_missing_folder_are_told(project):
+    with pytest.raises(InputError, match="mine: no such folder"):
+        read_project(project / "mine", 1.0)
+    (project / "Segmentations" / "LAD.ctgr").write_text('<?xml version="1.0"?><model/>')
+    with pytest.raises(InputError, match="LAD.ctgr: holds no path or contour group"):
+        read_project(project, 1.0)
+
+
 def test_two_contours_at_one_place_are_refused(project):
     write_contours(project, "LAD", (0, 0, 3), (5, 0, 3), 0.2, places=(0, 1, 2, 2, 4))
     with pytest.raises(InputError, match=r"LAD.ctgr: path_point = '2': has several contours; delete all but one"):
@@ -125,13 +139,15 @@ def test_parts_of_a_path_never_take_the_name_of_another(project):
     assert tree["LAD_1"].parent == "LAD_1_" and len({v.name for v in tree}) == len(tree)
 
 
-@pytest.mark.parametrize("name", ["001", "1e3", "NA", "null", "yes", "2024-01-01", "1", "0x10", "nan", "-"])
+@pytest.mark.parametrize(
+    "name", ["001", "1e3", "NA", "null", "yes", "2024-01-01", "1", "0x10", "nan", "-", " LAD ", "L.AD"]
+)
 def test_paths_may_have_any_name(project, name):
     for folder, suffix in (("Paths", "pth"), ("Segmentations", "ctgr")):
         (project / folder / f"LAD.{suffix}").rename(project / folder / f"{name}.{suffix}")
     text = (project / "Segmentations" / f"{name}.ctgr").read_text()
     (project / "Segmentations" / f"{name}.ctgr").write_text(text.replace('path_name="LAD"', f'path_name="{name}"'))
-    assert name in read_project(project, 1.0)[0]
+    assert name.strip() in read_project(project, 1.0)[0]
 
 
 def test_names_in_an_old_code_page_do_not_stop_the_reading(project):

@@ -16,7 +16,16 @@ from scipy.spatial import cKDTree
 from coronaryuq.case.anatomy.centrelines import own_radius
 from coronaryuq.case.anatomy.simvascular import join_lines
 from coronaryuq.case.anatomy.synthetic_aorta import is_aorta, one_tree
-from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel, parents_first, polylines, read_tree, read_trees
+from coronaryuq.case.anatomy.tree import (
+    AORTA,
+    Tree,
+    Vessel,
+    parents_first,
+    polylines,
+    read_tree,
+    read_trees,
+    tree_of,
+)
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import line_number, read_csv
 from coronaryuq.core.io.vtk import read_vtk
@@ -30,6 +39,8 @@ NAMES = ("VesselName", "Name", "name", "Label", "label")
 TABLES = (".csv", ".tsv", ".txt")
 SAME, SAME_END = 1e-6, 1e-4
 """Distance over the extent of the tree below which two points are one, and a vessel starts at the end of another."""
+FARTHEST = 1e5
+"""cm: largest coordinate; a scanner's are below a hundred, or a thousandfold in a wrong unit."""
 PARTED = 0.5
 """Lines with a common beginning have parted where they are this many radii from each other."""
 
@@ -76,7 +87,9 @@ def read_centrelines(path: str | Path, scale: float = 1.0) -> tuple[Tree, tuple[
     if radii.ndim != 1 or not (np.isfinite(radii).all() and radii.min() > 0.0):
         raise InputError(path, radius, None, "expected one positive number per point")
     notes = [] if radius == "Radius" else [f"centrelines: took {radius} as the radius"]
-    called = [str(name) for name in mesh.cell_data[names]] if names else [f"branch{k}" for k in range(len(cells))]
+    called = (
+        [str(name).strip() for name in mesh.cell_data[names]] if names else [f"branch{k}" for k in range(len(cells))]
+    )
     if "CenterlineIds" in mesh.cell_data and "TractIds" in mesh.cell_data:
         cells = _whole_lines(cells, mesh.cell_data["CenterlineIds"], mesh.cell_data["TractIds"])
         called = [f"branch{k}" for k in range(len(cells))]
@@ -84,7 +97,7 @@ def read_centrelines(path: str | Path, scale: float = 1.0) -> tuple[Tree, tuple[
         cells = _chains(path, points, radii, cells)
         called = [f"branch{k}" for k in range(len(cells))]
     lines = [_line(path, name, points[cell], radii[cell]) for name, cell in zip(called, cells, strict=True)]
-    branches = [str(b) for b in mesh.cell_data["Branch"]] if "Branch" in mesh.cell_data else []
+    branches = [str(b).strip() for b in mesh.cell_data["Branch"]] if "Branch" in mesh.cell_data else []
     of_branch = dict(zip(called, branches, strict=True)) if len(branches) == len(called) else {}
     tree = _joined(path, lines, of_branch, notes, {})
     return tree, tuple(notes)
@@ -142,6 +155,8 @@ def _first_of_each(table, column: str) -> dict[str, str]:
 
 
 def _line(path: Path, name: str, points: np.ndarray, radii: np.ndarray) -> Vessel:
+    if (far := float(np.abs(points).max())) > FARTHEST:
+        raise InputError(path, name, f"{far:.3g} cm", "no body reaches so far; check the coordinates and the unit")
     apart = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 0.0])
     if apart.sum() < 2:
         raise InputError(path, name, int(apart.sum()), "different points; a vessel needs two or more")
@@ -201,7 +216,8 @@ def _joined(
     parents = _parents_by_ends(lines)
     if parents is not None:
         order = parents_first(path, names, parents)
-        trees, line_of = [Tree(replace(lines[k], parent=parents[k]) for k in order)], {name: name for name in names}
+        with tree_of(path):
+            trees, line_of = [Tree(replace(lines[k], parent=parents[k]) for k in order)], {name: name for name in names}
     else:
         apart = _without_common_beginnings(lines)
         if len(apart) < len(lines):
@@ -211,7 +227,8 @@ def _joined(
         line, parent = line_of[vessel.name], line_of.get(vessel.parent or "", "")
         if parent != line and stated.get(line, parent) != parent:
             raise InputError(path, f"parent of {line}", stated[line], f"but it starts on {parent or 'no other vessel'}")
-    named = [Tree(replace(v, branch=branches.get(line_of[v.name]) or AORTA) for v in tree) for tree in trees]
+    with tree_of(path):
+        named = [Tree(replace(v, branch=branches.get(line_of[v.name]) or AORTA) for v in tree) for tree in trees]
     return one_tree(path, named, notes)
 
 

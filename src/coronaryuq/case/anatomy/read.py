@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,11 @@ from coronaryuq.case.anatomy.centreline_files import read_centrelines
 from coronaryuq.case.anatomy.closed_lumen import AORTIC, lumen_tree
 from coronaryuq.case.anatomy.simvascular import read_project
 from coronaryuq.case.anatomy.stenosis_detection import detected_stenoses, stenosis_at
-from coronaryuq.case.anatomy.synthetic_aorta import note_of, with_aorta
+from coronaryuq.case.anatomy.synthetic_aorta import is_aorta, note_of, with_aorta
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, branch_of
 from coronaryuq.case.description.fields import ARTERIES, Anatomy, Description, StenosisPlace
 from coronaryuq.case.settings import Settings
-from coronaryuq.case.tables.read import OutletRow
+from coronaryuq.case.tables.read import BRANCHES, OutletRow
 from coronaryuq.core.errors import InputError, meant
 from coronaryuq.core.units import LENGTHS
 
@@ -24,6 +25,9 @@ WIDEST = 2.5
 """cm: a radius that no coronary aneurysm reaches; those of 2 cm across are called giant."""
 WIDEST_END, THINNEST_END = 0.4, 0.02
 """cm: plausible median radius of the coronary ends. Wider ones do not exist, thinner ones are not visible in CT."""
+
+INVISIBLE = 0.002
+"""cm: median radius of the coronary ends below which they are arterioles, or the unit is wrong."""
 
 
 @dataclass(frozen=True)
@@ -84,20 +88,21 @@ def place_outlets(
         if vessels[row.name] in taken:
             raise InputError(table, row.name, vessels[row.name], "another outlet is already at this end of the tree")
     unassigned = [name for name in ends if name not in vessels.values()]
-    notes: tuple[str, ...] = ()
+    notes = _plausible_size(file, description.length_unit, [float(tree[v].radii[-1]) for v in vessels.values()])
+    _check_none_aortic(table, tree, vessels)
+    notes += _other_labels(tree, rows, vessels)
     if not unassigned and not description.systemic_outlets:
         whole = with_aorta([tree])
-        notes, tree = (note_of(whole, [tree]),), whole
+        notes, tree = (note_of(whole, [tree]), *notes), whole
         unassigned = [vessel.name for vessel in tree.leaves() if vessel.made]
     if not description.systemic_outlets:
         _check_aortic(table, tree, unassigned, max(float(tree[v].radii[-1]) for v in vessels.values()))
-    systemic = _systemic(file, description, tree, unassigned)
+    systemic = _systemic(file, description, tree, unassigned, {row.bc: row.name for row in rows})
     missing = [name for name in unassigned if name not in systemic.values()]
     if missing:
         raise InputError(
             table, "vessel", ", ".join(missing), "these ends of the tree have no outlet; add them to the table"
         )
-    notes += _plausible_size(file, description.length_unit, [float(tree[v].radii[-1]) for v in vessels.values()])
     branches = {vessels[row.name]: row.branch for row in rows}
     tree = labelled(tree, branches)
     _check_widest(file, tree)
@@ -132,6 +137,25 @@ def _two_ostia(tree: Tree, branches: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(notes)
 
 
+def _check_none_aortic(table: Path, tree: Tree, vessels: Mapping[str, str]) -> None:
+    """Raise InputError for an outlet at an end that is as wide as the aorta."""
+    for name, vessel in vessels.items():
+        if is_aorta(tree[vessel]):
+            width = f"{20 * np.median(tree[vessel].radii):.2g} mm"
+            remedy = f"is {width} wide, as an aorta; if it is one, delete its row, else check its radii"
+            raise InputError(table, f"vessel of {name}", vessel, remedy)
+
+
+def _other_labels(tree: Tree, rows: Sequence[OutletRow], vessels: Mapping[str, str]) -> tuple[str, ...]:
+    """Return a note for each outlet whose vessel the anatomy's file gives to another artery than the table does."""
+    given = [(row, tree[vessels[row.name]].branch) for row in rows]
+    return tuple(
+        f"outlet {row.name}: took branch {row.branch} of the table; the anatomy's file says {stated}"
+        for row, stated in given
+        if stated in BRANCHES and stated != row.branch
+    )
+
+
 def _check_aortic(table: Path, tree: Tree, ends: Sequence[str], widest: float) -> None:
     """Raise InputError for an end without a row that is not wide enough to be one of the aorta."""
     for name in ends:
@@ -149,6 +173,9 @@ def _plausible_size(file: Path, unit: str, radii: list[float]) -> tuple[str, ...
     median = float(np.median(radii))
     if median > WIDEST_END:
         remedy = f"gives the coronary ends a median radius of {median:.2g} cm; check the unit"
+        raise InputError(file, "anatomy.unit", unit, remedy)
+    if median < INVISIBLE:
+        remedy = f"gives the coronary ends a median radius of {10 * median:.2g} mm; check the unit"
         raise InputError(file, "anatomy.unit", unit, remedy)
     if median < THINNEST_END:
         return (
@@ -169,15 +196,22 @@ def labelled(tree: Tree, branches: Mapping[str, str]) -> Tree:
     return Tree(relabelled)
 
 
-def _systemic(file: Path, description: Description, tree: Tree, unassigned: list[str]) -> dict[str, str]:
+def _systemic(
+    file: Path, description: Description, tree: Tree, unassigned: list[str], beds: Mapping[str, str]
+) -> dict[str, str]:
+    """Return boundary condition → aortic end; beds: boundary condition → coronary outlet that has it."""
     if not description.systemic_outlets:
         if not unassigned:
             raise InputError(file, "systemic_outlets", None, "no end of the tree is left for the aorta")
-        return {f"BC_RCR{k + 1}": name for k, name in enumerate(unassigned)}
+        free = (name for k in count(1) if (name := f"BC_RCR{k}") not in beds)
+        return dict(zip(free, unassigned, strict=False))
     scale = LENGTHS[description.length_unit]
     systemic: dict[str, str] = {}
     for outlet in description.systemic_outlets:
         field = f"systemic_outlets.{outlet.name}"
+        if outlet.name in systemic or outlet.name in beds:
+            owner = f"outlet {beds[outlet.name]}" if outlet.name in beds else "another systemic outlet"
+            raise InputError(file, "systemic_outlets.name", outlet.name, f"{owner} has this name; give each its own")
         if outlet.vessel is None and outlet.point is None:
             raise InputError(file, field, None, "give vessel or point")
         if outlet.vessel is not None and outlet.vessel not in unassigned:

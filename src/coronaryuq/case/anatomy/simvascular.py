@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 
 from coronaryuq.case.anatomy.synthetic_aorta import is_aorta, one_tree
-from coronaryuq.case.anatomy.tree import Tree, Vessel, project
+from coronaryuq.case.anatomy.tree import Tree, Vessel, project, tree_of
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.text import read_text, visible
 
@@ -45,11 +45,13 @@ def read_project(folder: str | Path, scale: float, chosen: Sequence[str] = ()) -
     missing folder, a broken file and a path that touches no other.
     """
     folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(folder, None, None, "no such folder; expected a SimVascular project with Paths, Segmentations")
     paths, groups = list(_files(folder, "Paths", ".pth")), list(_files(folder, "Segmentations", ".ctgr"))
     if not paths or not groups:
         raise InputError(folder, None, None, "expected Paths/*.pth and Segmentations/*.ctgr")
-    of_path, without_path, notes = _groups_of_paths(folder, [path.stem for path in paths], groups, chosen)
-    contoured = {path.stem: _contoured(path, of_path.get(path.stem), notes) for path in paths}
+    of_path, without_path, notes = _groups_of_paths(folder, [_name(path) for path in paths], groups, chosen)
+    contoured = {_name(path): _contoured(path, of_path.get(_name(path)), notes) for path in paths}
     left_out = [name for name, contours in contoured.items() if contours is None]
     lines = [_line(c.name, c.points * scale, c.radii * scale) for c in contoured.values() if c is not None]
     if not lines:
@@ -62,6 +64,11 @@ def read_project(folder: str | Path, scale: float, chosen: Sequence[str] = ()) -
         notes.append(f"left out contour groups without a path in Paths: {', '.join(without_path)}")
     trees, _ = join_lines(folder, lines, notes, complete=not left_out and not without_path)
     return one_tree(folder, trees, notes), tuple(notes)
+
+
+def _name(file: Path) -> str:
+    """Return the name of a path or contour group, which is that of its file."""
+    return file.stem.strip()
 
 
 def is_project(folder: Path) -> bool:
@@ -94,29 +101,29 @@ def _groups_of_paths(
 
     A group names its path; one that names none, or none that there is, is of the path of its own name.
     """
-    stems = [group.stem for group in groups]
+    stems = [_name(group) for group in groups]
     for name in chosen:
         if name not in stems:
             raise InputError(folder, "anatomy.groups", name, f"no such contour group; there are {', '.join(stems)}")
     candidates: dict[str, list[Path]] = {}
     without_path = []
     for group in groups:
-        path = next((name for name in (_path_name(group), group.stem) if name in paths), None)
+        path = next((name for name in (_path_name(group), _name(group)) if name in paths), None)
         if path is None:
-            without_path.append(group.stem)
+            without_path.append(_name(group))
         else:
             candidates.setdefault(path, []).append(group)
     found, notes = {}, []
     for path, several in candidates.items():
-        wanted = [group for group in several if group.stem in chosen] or several
-        own = [group for group in wanted if group.stem == path]
+        wanted = [group for group in several if _name(group) in chosen] or several
+        own = [group for group in wanted if _name(group) == path]
         if len(wanted) > 1 and not own:
-            names = ", ".join(group.stem for group in wanted)
+            names = ", ".join(_name(group) for group in wanted)
             remedy = f"several contour groups are of this path: {names}; name the one to use in anatomy.groups"
             raise InputError(folder / "Segmentations", "path_name", path, remedy)
         found[path] = (own or wanted)[0]
         if len(wanted) > 1:
-            others = ", ".join(group.stem for group in wanted if group.stem != path)
+            others = ", ".join(_name(group) for group in wanted if _name(group) != path)
             notes.append(f"path {path}: took the contour group of its own name, not {others} (anatomy.groups)")
     return found, without_path, notes
 
@@ -124,16 +131,18 @@ def _groups_of_paths(
 def _path_name(group: Path) -> str:
     """Return the name of the path that a contour group belongs to, by default the file's own name."""
     root = _xml(group).find("contourgroup")
-    return group.stem if root is None else root.get("path_name", group.stem)
+    return _name(group) if root is None else root.get("path_name", _name(group)).strip()
 
 
 def _one_time(path: Path, notes: list[str]) -> ElementTree.Element:
-    """Return the content of a file, of several time steps the first."""
+    """Return the content of a file, of several time steps that are not empty the first."""
     root = _xml(path)
     of_kind = [element for name in ("path", "contourgroup") for element in root.iter(name)]
     if len(of_kind) > 1:
         raise InputError(path, of_kind[0].tag, len(of_kind), "several in one file; give each its own")
-    steps = list(root.iter("timestep"))
+    if not of_kind:
+        raise InputError(path, None, None, "holds no path or contour group; save it again in SimVascular, or delete it")
+    steps = [step for step in root.iter("timestep") if len(step)]
     if len(steps) > 1:
         notes.append(f"{path.name}: took the first of {len(steps)} time steps")
     return steps[0] if steps else root
@@ -167,7 +176,8 @@ def join_lines(
         if worst > ATTACH:
             raise _gap(folder, line, worst, other, notes, group)
         _refuse_loops(folder, reached, origins)
-        vessels, parts = _cut(reached, origins, taken)
+        with tree_of(folder):
+            vessels, parts = _cut(reached, origins, taken)
         trees.append(vessels)
         line_of |= parts
     return trees, line_of
@@ -343,7 +353,7 @@ def _contoured(path: Path, group: Path | None, notes: list[str]) -> Contoured | 
     along = centres[1] - centres[0]
     lead = control[: np.argmin(np.linalg.norm(control - centres[0], axis=1)) + 1]
     lead = lead[(lead - centres[0]) @ along < -1e-6 * float(along @ along)]
-    return Contoured(path.stem, np.vstack([lead, centres]), np.concatenate([np.full(len(lead), radii[0]), radii]))
+    return Contoured(_name(path), np.vstack([lead, centres]), np.concatenate([np.full(len(lead), radii[0]), radii]))
 
 
 def _path_point(contour: ElementTree.Element) -> int:

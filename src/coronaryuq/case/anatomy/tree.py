@@ -1,6 +1,7 @@
 """The centreline tree: vessels between bifurcations, with their radii, from the aortic root to the coronary outlets."""
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -72,6 +73,17 @@ class Vessel:
         """Return the vessel with evenly spaced points, at most `spacing` (cm) apart."""
         arc = np.linspace(0.0, self.length, max(2, int(np.ceil(self.length / spacing)) + 1))
         return replace(self, points=self.position_at(arc), radii=self.radius_at(arc))
+
+
+@contextmanager
+def tree_of(path: str | Path) -> Iterator[None]:
+    """Turn the ValueError of vessels that are no tree into an InputError that names their file."""
+    try:
+        yield
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(path, None, None, f"{error}; check points, radii, labels and the unit") from None
 
 
 @dataclass(frozen=True)
@@ -192,7 +204,7 @@ class Tree:
         depth = np.min([distance_to(part, vessel.position_at(arc)) for part in aorta], axis=0)
         outside = np.flatnonzero(depth >= 0)
         if len(outside) == 0:
-            raise ValueError(f"vessel {name}: never leaves the aorta")
+            raise ValueError(f"vessel {name}: never leaves the aorta; check the radii (not diameters) and the unit")
         first = int(outside[0])
         return 0.0 if first == 0 else float(np.interp(0.0, depth[first - 1 : first + 1], arc[first - 1 : first + 1]))
 
@@ -325,21 +337,19 @@ def read_trees(path: str | Path, scale: float = 1.0) -> list[Tree]:
         raise InputError(path, "cells", mesh.n_cells, f"{mesh.n_lines} of them are lines; keep the polylines only")
     points, radii = np.asarray(mesh.points, dtype=float) * scale, np.asarray(mesh["Radius"], dtype=float) * scale
     cells = [np.asarray(cell) for cell in polylines(mesh.lines)]
-    names = [str(n) for n in _cell_data(mesh, "VesselName", [f"branch{i}" for i in range(len(cells))])]
+    names = [str(n).strip() for n in _cell_data(mesh, "VesselName", [f"branch{i}" for i in range(len(cells))])]
     if len(set(names)) != len(names):
         twice = next(n for n in names if names.count(n) > 1)
         raise InputError(path, "VesselName", twice, "duplicate; every vessel needs its own name")
     if "Parent" in mesh.cell_data:
-        parents = [str(p) or None for p in mesh.cell_data["Parent"]]
+        parents = [str(p).strip() or None for p in mesh.cell_data["Parent"]]
     else:
         parents = _join_by_ends([points[c] for c in cells], names)
-    branches = [str(b) for b in _cell_data(mesh, "Branch", [AORTA] * len(cells))]
+    branches = [str(b).strip() for b in _cell_data(mesh, "Branch", [AORTA] * len(cells))]
     order = parents_first(path, names, parents)
     vessels = [Vessel(names[i], points[cells[i]], radii[cells[i]], parents[i], branches[i]) for i in order]
-    try:
+    with tree_of(path):
         return separate_trees(vessels)
-    except ValueError as error:
-        raise InputError(path, None, None, str(error)) from None
 
 
 def separate_trees(vessels: Sequence[Vessel]) -> list[Tree]:

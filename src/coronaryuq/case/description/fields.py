@@ -60,7 +60,7 @@ ARTERIES: tuple[Artery, ...] = get_args(Artery)
 
 
 class _Model(BaseModel):
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, str_strip_whitespace=True)
 
 
 class Anatomy(_Model):

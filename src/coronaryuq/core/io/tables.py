@@ -69,6 +69,8 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
         layout |= {"keep_default_na": False, "na_values": {name: list(GAPS) for name in heading if name not in kept}}
         layout["na_values"] |= blank
         frame = pd.read_csv(TableText(path), dtype=kept, **layout)
+        for name in kept:
+            frame[name] = frame[name].str.strip()
     except InputError:
         raise
     except pd.errors.EmptyDataError:
