@@ -49,6 +49,65 @@ def test_an_image_without_position_is_refused_unless_the_case_places_it(tmp_path
     assert read(tmp_path, name, affine=IDENTITY).volume > 0
 
 
+@pytest.mark.parametrize("space", ["scanner-xyz", "3D-right-handed", "3D-left-handed", "3D-right-handed-time"])
+def test_a_space_that_does_not_say_which_way_is_left_is_no_position(tmp_path, space):
+    nrrd(tmp_path / "map.nrrd", shell(), space=space)
+    with pytest.raises(InputError, match="map.nrrd: position: the header does not say where the image lies"):
+        read(tmp_path, "map.nrrd")
+
+
+@pytest.mark.parametrize(
+    ("name", "voxel", "told"),
+    [
+        ("map.nii", 0.0, "voxel size = '0 x 5 x 5 and 5 x 5 x 5': expected three positive lengths in the header"),
+        ("map.nii", -5.0, "voxel size = '-5 x 5 x 5 and 5 x 5 x 5': expected three positive"),
+        ("map.nii", np.nan, "voxel size = 'nan x 5 x 5 and 5 x 5 x 5': expected three positive"),
+        ("map.nii", 0.5, "voxel size = '0.5 x 5 x 5 and 5 x 5 x 5': the header's own statements differ"),
+        ("map.mha", None, "voxel size: expected three positive lengths in the header"),
+        ("map.mha", 0.0, "voxel size = '0 x 5 x 5': expected three positive lengths in the header"),
+    ],
+)
+def test_a_header_without_the_size_of_its_voxels_is_refused(tmp_path, capfd, name, voxel, told):
+    WRITERS[name](tmp_path / name, shell(), voxel=voxel)
+    with pytest.raises(InputError) as error:
+        read(tmp_path, name)
+    assert told in str(error.value) and capfd.readouterr() == ("", "")
+
+
+def test_complex_numbers_are_refused(tmp_path):
+    sitk = pytest.importorskip("SimpleITK")
+    sitk.WriteImage(sitk.GetImageFromArray(shell().astype(np.complex64)), str(tmp_path / "map.nii"))
+    with pytest.raises(InputError, match="map.nii: values: are complex numbers; export their magnitude"):
+        read(tmp_path, "map.nii", affine=IDENTITY)
+
+
+def test_a_folder_of_dicom_files_is_told_how_to_convert(tmp_path):
+    (tmp_path / "series").mkdir()
+    with pytest.raises(InputError, match="series: is a folder; name a file .DICOM: convert"):
+        read(tmp_path, "series")
+
+
+def test_a_mask_is_not_taken_for_a_map_without_a_word(tmp_path):
+    nifti(tmp_path / "map.nii", shell() / 2.0)
+    assert read(tmp_path, "map.nii").notes == ("map.nii: every value is 1: is it a mask, and not a map of flow?",)
+
+
+def test_a_label_that_the_image_lacks_is_told(tmp_path):
+    nifti(tmp_path / "map.nii", shell())
+    nifti(tmp_path / "lv.nii", np.where(shell() > 0, 4, 0))
+    wall = read(tmp_path, "map.nii", label={"file": "lv.nii", "values": [4, 7]})
+    assert wall.notes == ("lv.nii: has no label 7 (perfusion.label.values)",)
+    with pytest.raises(InputError, match=r"perfusion.label.values = \[1\]: selects no cell: lv.nii has 0, 4"):
+        read(tmp_path, "map.nii", label={"file": "lv.nii", "values": [1]})
+
+
+def test_an_affine_that_mirrors_is_noted(tmp_path):
+    nifti(tmp_path / "map.nii", shell())
+    mirrored = [[-0.1, 0, 0, 0], *IDENTITY[1:]]
+    assert read(tmp_path, "map.nii", affine=mirrored).notes == ("perfusion.affine mirrors the map: check its signs",)
+    assert read(tmp_path, "map.nii", affine=IDENTITY).notes == ()
+
+
 @pytest.mark.parametrize("name", WRITERS)
 @pytest.mark.parametrize("skew", [0.05, 0.9])
 def test_skewed_axes_are_refused_with_the_remedy(tmp_path, capfd, name, skew):

@@ -109,7 +109,7 @@ def test_label_and_threshold_cut_the_wall_out_of_what_surrounds_it(tmp_path):
     by_threshold = read(tmp_path, array="MBF", threshold=1.0)
     assert by_label.mesh.n_cells == by_threshold.mesh.n_cells == inside.sum()
     assert by_label.volume == pytest.approx(inside.sum() * 0.25**3, rel=1e-9)
-    with pytest.raises(InputError, match=r"perfusion.label: selects no cell"):
+    with pytest.raises(InputError, match=r"perfusion.label.values = \[9\]: selects no cell: map.vtu has 0, 5, 7"):
         read(tmp_path, array="MBF", label={"array": "part", "values": [9]})
 
 
@@ -119,6 +119,44 @@ def test_a_surface_has_no_volume_to_integrate_over(tmp_path):
     ball.save(tmp_path / "map.vtp")
     with pytest.raises(InputError, match="no cell has a volume; expected tetrahedra, hexahedra or voxels"):
         read(tmp_path, file="map.vtp", array="MBF")
+
+
+def test_cells_that_lie_upon_one_another_are_refused(wall, tmp_path):
+    mesh = wall.copy()
+    mesh.cell_data["MBF"] = np.full(mesh.n_cells, 2.0)
+    pv.merge([mesh, mesh.extract_cells(range(7))], merge_points=False).save(tmp_path / "map.vtu")
+    with pytest.raises(InputError, match="map.vtu: cells = 7: lie upon others; remove duplicates"):
+        read(tmp_path, array="MBF")
+
+
+def test_a_point_that_is_nowhere_is_told(wall, tmp_path):
+    mesh = wall.copy()
+    mesh.cell_data["MBF"] = np.full(mesh.n_cells, 2.0)
+    mesh.points[5] = np.nan
+    mesh.save(tmp_path / "map.vtu")
+    with pytest.raises(InputError, match="map.vtu: points: a coordinate is not a finite number"):
+        read(tmp_path, array="MBF")
+
+
+def test_an_array_of_points_and_of_cells_is_noted_and_vtks_own_are_passed_over(wall, tmp_path):
+    mesh = wall.copy()
+    mesh.clear_data()
+    mesh.cell_data["MBF"] = np.full(mesh.n_cells, 2.0)
+    mesh.cell_data["vtkOriginalCellIds"] = np.arange(mesh.n_cells)
+    mesh.point_data["MBF"] = np.full(mesh.n_points, 3.0)
+    mesh.save(tmp_path / "map.vtu")
+    found = read(tmp_path)
+    assert "map.vtu: MBF is there at points and in cells; took the cells'" in found.notes
+    assert found.mesh.cell_data["MBF"] == pytest.approx(2.0 / 60.0)
+
+
+@pytest.mark.parametrize("name", ["map.vtk", "map.vti"])
+def test_a_file_by_a_wrong_name_is_told_without_words_of_vtk(wall, tmp_path, capfd, caplog, name):
+    wall.save(tmp_path / "map.vtu")
+    (tmp_path / "map.vtu").rename(tmp_path / name)
+    with pytest.raises(InputError, match=f"{name}: damaged, truncated, or of another type than its name says"):
+        read(tmp_path, file=name)
+    assert capfd.readouterr() == ("", "") and caplog.text == ""
 
 
 @pytest.mark.parametrize(

@@ -17,13 +17,15 @@ def shell(inner=20.0, outer=40.0) -> np.ndarray:
     return np.where((radius > inner) & (radius < outer), 2.0, 0.0).astype("<f4")
 
 
-def nifti(path: Path, values, codes=(0, 1), skew=0.0, unit=2, order="<", frames=1, qform_shift=0.0) -> None:
+def nifti(
+    path: Path, values, codes=(0, 1), skew=0.0, unit=2, order="<", frames=1, qform_shift=0.0, voxel=SPACING
+) -> None:
     """Write NIfTI-1; x and y of its RAS axes are reversed, so that they run as those of LPS."""
     header = bytearray(352)
     struct.pack_into(f"{order}i", header, 0, 348)
     struct.pack_into(f"{order}8h", header, 40, 4 if frames > 1 else 3, *values.shape, frames, 1, 1, 1)
     struct.pack_into(f"{order}2h", header, 70, 16, 32)
-    struct.pack_into(f"{order}8f", header, 76, 1.0, *3 * [SPACING], 1, 1, 1, 1)
+    struct.pack_into(f"{order}8f", header, 76, 1.0, voxel, SPACING, SPACING, 1, 1, 1, 1)
     struct.pack_into(f"{order}3f", header, 108, 352.0, 1.0, 0.0)
     header[123] = unit
     struct.pack_into(f"{order}2h", header, 252, *codes)
@@ -52,12 +54,13 @@ def nrrd(path: Path, values, space="left-posterior-superior", origin=True, skew=
     path.write_bytes("\n".join([*lines, "", ""]).encode() + data.tobytes())
 
 
-def meta_image(path: Path, values, offset=True, skew=0.0, channels=1) -> None:
+def meta_image(path: Path, values, offset=True, skew=0.0, channels=1, voxel=SPACING) -> None:
     """Write a MetaImage."""
     lines = ["ObjectType = Image", "NDims = 3", "BinaryData = True", "BinaryDataByteOrderMSB = False"]
     lines += [f"TransformMatrix = 1 0 0 {skew} 1 0 0 0 1"] if offset or skew else []
     lines += [f"Offset = {' '.join(map(str, ORIGIN))}"] if offset else []
-    lines += [f"ElementSpacing = {SPACING} {SPACING} {SPACING}", f"DimSize = {' '.join(map(str, values.shape))}"]
+    lines += [] if voxel is None else [f"ElementSpacing = {voxel} {SPACING} {SPACING}"]
+    lines += [f"DimSize = {' '.join(map(str, values.shape))}"]
     lines += [f"ElementNumberOfChannels = {channels}"] if channels > 1 else []
     lines += ["ElementType = MET_FLOAT", "ElementDataFile = LOCAL", ""]
     data = np.repeat(np.asarray(values, "<f4").ravel(order="F"), channels)

@@ -229,7 +229,7 @@ WRONG = [
     (case, "lv.vtu", text("not a mesh"), "lv.vtu"),
     (case, "lv.vtu", without("MBF"), "no such array"),
     (case, "lv.vtu", filled("MBF", np.nan), "848 missing"),
-    (case, "lv.vtu", filled("MBF", -1.0), "perfusion.threshold"),
+    (case, "lv.vtu", filled("MBF", -1.0), "values: none is positive; choose another array"),
     (case, "lv.vtu", filled("MBF", 300.0), "perfusion.unit"),
     (case, "outlets.csv", column("branch"), "branch: column missing"),
     (case, "outlets.csv", column("perfuses", "lung"), "lung"),

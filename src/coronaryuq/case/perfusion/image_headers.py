@@ -15,6 +15,8 @@ SKEWED = 1e-3
 LARGEST_HEADER = 1_000_000
 """bytes."""
 NIFTI_UNITS = {1: "m", 2: "mm", 3: "um"}
+ANATOMICAL = ("left-posterior-superior", "left-anterior-superior", "right-anterior-superior", "lps", "las", "ras")
+"""Spaces of NRRD that say which way is left; ITK takes any other for LPS."""
 EXPORT = "export it again with its position, for example as NIfTI from 3D Slicer"
 
 
@@ -23,12 +25,13 @@ class Header:
     """What a header says.
 
     placed: whether it says where the image lies. axes: columns (3, 3) along the voxel axes, of every statement that it
-    makes; none if it makes no statement. layers: values per voxel. unit: length unit, None if it names none.
-    notes: contradictions that were settled.
+    makes; none if it makes no statement. voxel: its lengths, none if it states none. layers: values per voxel. unit:
+    length unit, None if it names none. notes: contradictions that were settled.
     """
 
     placed: bool
     axes: tuple[np.ndarray, ...] = ()
+    voxel: tuple[float, ...] = ()
     layers: int = 1
     unit: str | None = None
     notes: tuple[str, ...] = ()
@@ -72,6 +75,12 @@ def check_header(path: Path, header: Header, placed_otherwise: bool) -> None:
                 "3D Slicer's Resample Scalar Volume"
             )
             raise InputError(path, "axes", f"{angle:.4g} degrees", remedy)
+    sizes = [header.voxel, *(tuple(np.linalg.norm(axes, axis=0)) for axes in header.axes)]
+    shown = " and ".join(dict.fromkeys(" x ".join(f"{x:.4g}" for x in size) for size in sizes)) or None
+    if len(header.voxel) < 3 or not all(np.isfinite(x) and x > 0 for size in sizes for x in size):
+        raise InputError(path, "voxel size", shown, f"expected three positive lengths in the header; {EXPORT}")
+    if any(not np.allclose(size, header.voxel[:3], rtol=0.01) for size in sizes[1:]):
+        raise InputError(path, "voxel size", shown, f"the header's own statements differ; {EXPORT}")
     if not header.placed and not placed_otherwise:
         remedy = (
             f"the header does not say where the image lies; {EXPORT}, or give perfusion.affine or perfusion.transform"
@@ -121,7 +130,7 @@ def _nifti(path: Path) -> Header:
         if apart > 0.5 * min(abs(s) for s in spacing[1:4]):
             notes = (f"{path.name}: its two positions (sform, qform) are up to {apart:.3g} apart; the reader took one",)
     axes = tuple(affine[:, :3] for affine in affines)
-    return Header(bool(affines), axes, layers, NIFTI_UNITS.get(units & 7), notes)
+    return Header(bool(affines), axes, tuple(spacing[1:4]), layers, NIFTI_UNITS.get(units & 7), notes)
 
 
 def _check_whole(path: Path, compressed: bool, needed: int) -> None:
@@ -180,10 +189,12 @@ def _nrrd(path: Path, fields: dict[str, str]) -> Header:
     layers = int(np.prod(sizes, dtype=int))
     of_space = [n for n, part in zip(sizes, directions, strict=False) if part[0] == "("] or sizes[-spatial:]
     layers //= max(1, int(np.prod(of_space, dtype=int)))
-    placed = "space" in fields and "space origin" in fields and len(vectors) == 3
     axes = (np.column_stack(vectors),) if len(vectors) == 3 and all(len(v) == 3 for v in vectors) else ()
+    placed = fields.get("space", "").lower() in ANATOMICAL and "space origin" in fields and len(vectors) == 3
+    stated = [float(x) for x in fields.get("spacings", "").split() if x.lower() != "nan"]
+    voxel = tuple(np.linalg.norm(axes[0], axis=0)) if axes else tuple(stated)
     units = fields.get("space units", "").replace('"', " ").split()
-    return Header(placed, axes, layers, units[0] if units and len(set(units)) == 1 else None)
+    return Header(placed, axes, voxel, layers, units[0] if units and len(set(units)) == 1 else None)
 
 
 def _meta_image(fields: dict[str, str]) -> Header:
@@ -195,4 +206,6 @@ def _meta_image(fields: dict[str, str]) -> Header:
     axes: tuple[np.ndarray, ...] = ()
     if turn is not None and number == 3:
         axes = (np.array([float(x) for x in turn.split()]).reshape(3, 3).T,)
-    return Header(placed, axes, layers)
+    voxel = tuple(float(x) for x in fields.get("elementspacing", fields.get("elementsize", "")).split())
+    axes = tuple(turned / np.linalg.norm(turned, axis=0) * voxel[:3] for turned in axes if len(voxel) >= 3)
+    return Header(placed, axes, voxel, layers)

@@ -75,9 +75,18 @@ def read_image(
     return Image(values, matrix, "mm" if nifti and header.unit else header.unit, header.notes)
 
 
-def _checked_header(path: Path, placed_otherwise: bool) -> Header:
+def check_file(path: Path) -> None:
+    """Raise `InputError` if there is no such file."""
+    if path.is_dir():
+        raise InputError(
+            path, None, None, "is a folder; name a file (DICOM: convert the series to NIfTI, as by 3D Slicer)"
+        )
     if not path.is_file():
         raise InputError(path, None, None, "no such file")
+
+
+def _checked_header(path: Path, placed_otherwise: bool) -> Header:
+    check_file(path)
     header = read_header(path)
     check_header(path, header, placed_otherwise)
     return header
@@ -95,6 +104,8 @@ def _read(path: Path):
             reader.ReadImageInformation()
         if int(np.prod(reader.GetSize(), dtype=float)) > LARGEST:
             raise InputError(path, "size", reader.GetSize(), f"more than {LARGEST} voxels; crop the image")
+        if "complex" in sitk.GetPixelIDValueAsString(reader.GetPixelID()):
+            raise InputError(path, "values", None, "are complex numbers; export their magnitude")
         with quiet():
             return reader.Execute()
     except RuntimeError:
@@ -123,7 +134,8 @@ def wall_cells(file, image: Image, label: np.ndarray | None, threshold: float | 
     else:
         inside, field = valid, "perfusion.file"
     if not inside.any():
-        raise InputError(file, field, threshold, "selects no voxel of the map")
+        remedy = "selects no voxel of the map" if field != "perfusion.file" else "the map has no positive value"
+        raise InputError(file, field, threshold, remedy)
     invalid = inside & ~valid
     negative = int(np.count_nonzero(values[invalid] < 0))
     factor = 1

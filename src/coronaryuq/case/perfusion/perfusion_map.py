@@ -8,7 +8,7 @@ import numpy as np
 
 from coronaryuq.case.description.fields import Label, Perfusion
 from coronaryuq.case.perfusion.cells import voxels_as_hexahedra
-from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, read_image, register, wall_cells
+from coronaryuq.case.perfusion.images import IMAGE_SUFFIXES, Invalid, check_file, read_image, register, wall_cells
 from coronaryuq.case.perfusion.registration_quality import agreement
 from coronaryuq.case.perfusion.transform_files import read_transform
 from coronaryuq.core.errors import InputError
@@ -33,6 +33,8 @@ ITSELF = (
     "`moving`, the scan from which the map was made, or perfusion.transform"
 )
 """Of a synthetic chest, the scan was placed to 0.1 mm and the map itself 13 mm off."""
+MASKS = (1.0, 255.0)
+"""Values that segmentation programs write where a mask is."""
 MOST_INVALID = 0.2
 """Largest fraction of the wall whose invalid values are filled from their neighbours."""
 
@@ -63,6 +65,8 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
     """
     folder = file.parent
     path = folder / map_.file
+    if path.is_dir():
+        check_file(path)
     if not path.is_file():
         raise InputError(file, "perfusion.file", map_.file, "no such file")
     grid, invalid, notes = _cells(file, path, map_, folder, most_cells)
@@ -74,6 +78,12 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
         raise InputError(path, "cells", grid.n_cells, "no cell has a volume; expected tetrahedra, hexahedra or voxels")
     volumes *= np.asarray(grid.cell_data.get("share", np.ones(grid.n_cells)))
     values = np.asarray(grid.cell_data["value"], dtype=float)
+    known = values[np.isfinite(values)]
+    if len(known) and known.max() <= 0:
+        where = "" if map_.label is None else " where perfusion.label selects"
+        raise InputError(
+            path, "values", None, f"none is positive{where}; choose another array, or export the map again"
+        )
     _check_background(file, map_, values, volumes)
     _check_lengths(file, map_, grid, volumes)
     values, filled = _filled(path, values, np.asarray(grid.cell_centers().points, dtype=float), invalid)
@@ -81,7 +91,26 @@ def read_wall(file: Path, map_: Perfusion, tissue_density: float, most_cells: in
     grid.clear_data()
     grid.cell_data["Volume"] = volumes
     grid.cell_data["MBF"] = values * perfusions(tissue_density)[map_.unit]
-    return Wall(grid, (*notes, *filled, *placing))
+    return Wall(grid, (*notes, *_mask(map_, values), *filled, *placing))
+
+
+def _mask(map_: Perfusion, values: np.ndarray) -> tuple[str, ...]:
+    """Return a note if the map has the one value of a mask."""
+    if np.ptp(values) > 0 or values[0] not in MASKS:
+        return ()
+    return (f"{map_.file}: every value is {values[0]:g}: is it a mask, and not a map of flow?",)
+
+
+def _absent(file: Path, map_: Perfusion, labels: np.ndarray) -> tuple[str, ...]:
+    """Return a note of labels asked for that the image lacks; raise InputError, with those it has, if it lacks all."""
+    assert map_.label is not None
+    there, where = np.unique(labels), map_.label.file or map_.file
+    absent = [value for value in map_.label.values if value not in there]
+    if len(absent) == len(map_.label.values):
+        has = ", ".join(f"{value:g}" for value in there[:12]) + (", ..." if len(there) > 12 else "")
+        remedy = f"selects no cell: {where} has {has}"
+        raise InputError(file, "perfusion.label.values", map_.label.values, remedy)
+    return (f"{where}: has no label {', '.join(map(str, absent))} (perfusion.label.values)",) if absent else ()
 
 
 def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
@@ -97,7 +126,7 @@ def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
         if image.unit is not None and image.unit != map_.length_unit:
             remedy = f"the header of {map_.file} says {image.unit}; correct this, or the header"
             raise InputError(file, "perfusion.length_unit", map_.length_unit, remedy)
-        label = None
+        label, notes = None, image.notes
         if map_.label is not None:
             if map_.label.file is None:
                 raise InputError(
@@ -105,9 +134,10 @@ def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
                 )
             label_path = folder / map_.label.file
             labels = read_image(label_path, image, path, placed_otherwise)
+            notes += _absent(file, map_, labels.values)
             label = np.isin(labels.values, map_.label.values)
         grid, invalid = wall_cells(file, image, label, map_.threshold, most_cells)
-        return grid, invalid, image.notes
+        return grid, invalid, notes
     if not name.endswith(VTK_SUFFIXES):
         known = ", ".join((*VTK_SUFFIXES, *IMAGE_SUFFIXES))
         raise InputError(file, "perfusion.file", map_.file, f"unknown file type; known types: {known}")
@@ -120,7 +150,10 @@ def _from_vtk(file, path: Path, map_: Perfusion):
     mesh = read_vtk(path)
     if mesh.n_cells == 0:
         raise InputError(path, "cells", mesh.n_cells, "expected one mesh with volume cells")
-    arrays = sorted({*mesh.cell_data.keys(), *mesh.point_data.keys()} - {"vtkGhostType"})
+    if not np.isfinite(np.asarray(mesh.points)).all():
+        raise InputError(path, "points", None, "a coordinate is not a finite number; export the map again")
+    # VTK's own arrays count cells and points, and mark ghosts.
+    arrays = sorted(name for name in {*mesh.cell_data.keys(), *mesh.point_data.keys()} if not name.startswith("vtk"))
     array = map_.array
     if array is None:
         candidates = [a for a in arrays if map_.label is None or a != map_.label.array]
@@ -133,6 +166,8 @@ def _from_vtk(file, path: Path, map_: Perfusion):
             )
         array = candidates[0]
     at_points = _scalar(file, "perfusion.array", mesh, array, arrays)
+    both = array in mesh.cell_data and array in mesh.point_data
+    notes: tuple[str, ...] = (f"{map_.file}: {array} is there at points and in cells; took the cells'",) if both else ()
     selected = _selected_points(file, mesh, map_, arrays, at_points, array not in mesh.cell_data)
     values = _on_cells(mesh, array, at_points, selected)
     valid = np.isfinite(values) & (values >= 0)
@@ -146,15 +181,28 @@ def _from_vtk(file, path: Path, map_: Perfusion):
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(usable > 0, _average(mesh, selected) / usable, 1.0)
         share *= _largest_above(mesh, (usable > 0) & (share > 0), usable == 0)
+    if map_.label is not None and map_.label.array is not None:
+        notes += _absent(file, map_, np.asarray(mesh.get_array(map_.label.array)))
     keep = share > 0
     if not keep.any():
         field = "perfusion.label" if map_.label is not None else "perfusion.threshold"
         raise InputError(file, field, map_.threshold, "selects no cell of the map")
     grid = pv.UnstructuredGrid(mesh.extract_cells(np.flatnonzero(keep).astype(int)))
+    _check_once(path, grid)
     grid.clear_data()
     grid.cell_data["value"], grid.cell_data["share"] = values[keep], share[keep]
     negative = int(np.count_nonzero(values[keep] < 0))
-    return grid, Invalid(int(np.count_nonzero(~valid[keep])) - negative, negative, int(keep.sum()), "cells"), ()
+    return grid, Invalid(int(np.count_nonzero(~valid[keep])) - negative, negative, int(keep.sum()), "cells"), notes
+
+
+def _check_once(path: Path, grid) -> None:
+    """Raise InputError if cells lie upon one another, whose volume and flow would count twice."""
+    volumes = np.asarray(grid.compute_cell_sizes(length=False, area=False).cell_data["Volume"])
+    centres = np.asarray(grid.cell_centers().points, dtype=float)[volumes != 0]
+    extent = float(np.ptp(np.asarray(grid.points), axis=0).max())
+    twice = len(centres) - len(np.unique(np.round(centres / (1e-6 * extent)), axis=0)) if extent > 0 else 0
+    if twice:
+        raise InputError(path, "cells", twice, "lie upon others; remove duplicates, as by ParaView's Clean to Grid")
 
 
 def _largest_above(mesh, above: np.ndarray, invalid: np.ndarray) -> np.ndarray:
@@ -235,7 +283,7 @@ def _label_on_cells(mesh, label: Label) -> np.ndarray:
 def _to_anatomy(file, points: np.ndarray, map_: Perfusion, folder: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return the map's points in the anatomy, cm, and notes on a registration."""
     if map_.registration is None:
-        return _placed(file, points, map_), ()
+        return _placed(file, points, map_), _mirrored(map_)
     scale = LENGTHS[map_.length_unit]
     fixed, moving = folder / map_.registration.fixed, folder / (map_.registration.moving or map_.file)
     matrix = register(file, fixed, moving)
@@ -257,6 +305,13 @@ def _placed(file, points: np.ndarray, map_: Perfusion) -> np.ndarray:
             )
         return points @ matrix[:3, :3].T + matrix[:3, 3]
     return points * scale
+
+
+def _mirrored(map_: Perfusion) -> tuple[str, ...]:
+    """Return a note if the affine turns a left hand into a right one, as no motion of a patient does."""
+    if map_.affine is None or np.linalg.det(np.array(map_.affine, dtype=float)[:3, :3]) > 0:
+        return ()
+    return ("perfusion.affine mirrors the map: check its signs",)
 
 
 def _check_lengths(file, map_: Perfusion, grid, volumes: np.ndarray) -> None:

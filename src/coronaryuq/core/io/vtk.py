@@ -1,5 +1,6 @@
 """VTK files, with the failures of their readers and writers turned into errors; VTK itself says nothing to the user."""
 
+import logging
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -36,6 +37,8 @@ def read_vtk(path: str | Path) -> "pv.DataSet":
                 raise InputError(path, None, None, "empty or truncated VTK file; recreate it")
     silence()
     vtkObject.GlobalWarningDisplayOn()  # else the catcher hears nothing
+    disabled = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)  # pyvista passes on what VTK says
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -44,6 +47,7 @@ def read_vtk(path: str | Path) -> "pv.DataSet":
     except Exception:
         raise InputError(path, None, None, DAMAGED) from None
     finally:
+        logging.disable(disabled)
         silence()
     if isinstance(data, pv.MultiBlock) and data.n_blocks > 1:
         raise InputError(path, "blocks", data.n_blocks, "several data sets in one file; export one")
