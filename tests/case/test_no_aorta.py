@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 from coronaryuq.case.anatomy.synthetic_aorta import with_aorta
 from coronaryuq.case.anatomy.tree import Tree
+from coronaryuq.case.draft.draft import draft_anatomy
+from coronaryuq.case.draft.source import recognise
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.stage import prepare_case
 from coronaryuq.core.io.atomic import read_json
@@ -27,6 +30,23 @@ def test_a_lumen_without_an_aorta_is_a_case(shared, tmp_path, name):
     prepare_case(folder / "case.yaml", Settings(), tmp_path / "case")
     network = read_json(tmp_path / "case" / "network.json")
     assert any(bc["bc_type"] == "ClosedLoopRCR" for bc in network["boundary_conditions"])
+
+
+@pytest.mark.parametrize(("unit", "scale", "shift"), [("m", 0.01, 0.0), ("mm", 10.0, 0.0), ("cm", 1.0, 20.0)])
+def test_the_lumen_is_the_same_in_any_unit_and_place(shared, tmp_path, unit, scale, shift):
+    """Its points lie on a lattice, many on one sphere: rounding decides which of them are neighbours."""
+    file = shared / "cases" / "no-aorta" / "lumen.stl"
+    if not file.is_file():
+        pytest.skip("needs ../shared/cases")
+    mesh = pv.read(file)
+    mesh.save(tmp_path / "given.stl")
+    mesh.scale(scale).translate((shift, 0, 0)).save(tmp_path / "other.stl")
+    radii = []
+    for name, in_unit in (("given.stl", "cm"), ("other.stl", unit)):
+        drafted = draft_anatomy(recognise(tmp_path / name), in_unit, set(), Settings())
+        assert drafted.stenoses == []
+        radii.append(sorted(float(np.median(v.radii)) for v in drafted.tree if not v.made))
+    assert radii[0] == pytest.approx(radii[1], rel=0.02)
 
 
 @pytest.mark.parametrize("apart", [2.0, 3.0, 5.0])

@@ -12,9 +12,13 @@ from scipy.spatial import Delaunay, cKDTree
 from coronaryuq.case.anatomy.surface import Cap, Surface
 from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.seeds import generator
 
 MOST_POINTS = 60_000
 """Maximum number of surface points for the medial axis; more are thinned evenly."""
+JITTER = 1e-3
+"""Spacings by which points of the surface are moved at random. Of points on a lattice, as a segmentation leaves them,
+many lie on one sphere: rounding decides which are neighbours, and flat tetrahedra, without a centre, part the axis."""
 COST_POWER = 2.0
 """The cost of a step is its length divided by this power of the radius, so that paths keep to the middle."""
 SPACING = 0.25
@@ -45,6 +49,7 @@ def medial_axis(surface: Surface, wanted: float) -> MedialAxis:
     A Voronoi vertex is inside if it lies behind the surface at the points nearest to it.
     """
     sites, normals = _sites(surface, wanted)
+    sites = sites + JITTER * wanted * generator(1, "medial axis").uniform(-1.0, 1.0, sites.shape)
     mesh = Delaunay(sites)
     corners = sites[mesh.simplices]
     edges = corners[:, 1:] - corners[:, :1]
