@@ -138,6 +138,18 @@ def closed_loop_22(shared, folder):
     return folder / "case.yaml"
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "5", True])
+def test_check_refuses_a_network_that_the_solver_would_refuse(shared, tmp_path, value):
+    path = closed_loop_22(shared, tmp_path)
+    network = json.loads((tmp_path / "network.json").read_text())
+    network["vessels"][0]["zero_d_element_values"]["R_poiseuille"] = value
+    (tmp_path / "network.json").write_text(json.dumps(network))
+    (finding,) = check_case(path)[0]
+    name = network["vessels"][0]["vessel_name"]
+    told = f"network.json: vessels.{name}.zero_d_element_values.R_poiseuille = {value!r}: expected a number"
+    assert finding.endswith(told)
+
+
 def test_a_ready_network_needs_no_anatomy(shared, tmp_path):
     path = closed_loop_22(shared, tmp_path)
     findings, summary = check_case(path)

@@ -27,6 +27,7 @@ def ascii_text(keywords=str.lower, end="\n"):
     "content",
     [
         binary(),
+        b"\xef\xbb\xbf" + ascii_text(end="\r\n"),
         binary(header=b"solid by a program that begins so"),
         ascii_text(),
         ascii_text(str.upper),
@@ -34,7 +35,7 @@ def ascii_text(keywords=str.lower, end="\n"):
         b"\n\n" + ascii_text(),
         ascii_text() + ascii_text(),
     ],
-    ids=["binary", "binary, solid", "ASCII", "capitals", "Windows", "blank lines", "two solids"],
+    ids=["binary", "byte-order mark", "binary, solid", "ASCII", "capitals", "Windows", "blank lines", "two solids"],
 )
 def test_every_form_is_read(tmp_path, content):
     (tmp_path / "a.stl").write_bytes(content)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 from coronaryuq.case.anatomy.tree import Tree, Vessel, write_tree
 from coronaryuq.case.draft.write import LITERATURE, targets_table
@@ -199,6 +200,8 @@ def test_nothing_is_overwritten_and_the_line_names_the_file(here, capsys):
         ("text", "tree.doc", "tree.doc = '.doc': unknown file type"),
         ("name,x,y,z\n", "tree.csv", "tree.csv: radius: column missing"),
         ("{}", "loop.json", "loop.json: "),
+        ("[1, 2]", "loop.json", "loop.json: vessels: missing; expected a closed-loop network"),
+        ("null", "loop.json", "loop.json: vessels: missing; expected a closed-loop network"),
     ],
 )
 def test_a_fault_is_one_line_and_leaves_nothing(here, capsys, content, name, line):
@@ -208,6 +211,14 @@ def test_a_fault_is_one_line_and_leaves_nothing(here, capsys, content, name, lin
     printed = capsys.readouterr().err
     assert line in printed
     assert printed.count("\n") == 1 and not Path("mine").exists()
+
+
+def test_points_without_a_surface_are_refused_and_groups_where_there_are_none(here, capsys):
+    pv.PolyData(np.eye(3)).save("points.vtp")
+    assert init("points.vtp", "--yes") == InputError.EXIT_CODE
+    assert "points.vtp: triangles = 0: contains points or lines alone" in capsys.readouterr().err
+    assert init("points.vtp", "--yes", "--group", "LAD") == InputError.EXIT_CODE
+    assert "--group = 'LAD': only a SimVascular project has groups" in capsys.readouterr().err
 
 
 def test_a_folder_around_the_vessels_is_refused_with_their_name(here, shared, capsys):

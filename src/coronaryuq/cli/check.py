@@ -27,6 +27,7 @@ from coronaryuq.discrepancy.data.measurements import measured_conditions
 from coronaryuq.discrepancy.inference.read_problem import read_series
 from coronaryuq.posterior.settings import Settings as PosteriorSettings
 from coronaryuq.zerod.effects.pullback import CHECK
+from coronaryuq.zerod.network.read import check_network
 
 NEITHER = (
     "neither a case nor a configuration: expected a mapping of fields; see docs/reference/case.md and config/README.md"
@@ -114,6 +115,8 @@ def _check_case(found: Checked, path: str | Path, settings: Settings) -> None:
         found.case = assemble(path, settings, sketch=found.sketch)
     finally:
         found.lines += found.sketch.lines()
+    own = found.case.description.network
+    check_network(found.case.network, path if own is None else Path(path).parent / own)
     found.lines += describe(found.case)
     if named := measurements(path, found.case.description):
         table, file = named

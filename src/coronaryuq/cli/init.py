@@ -49,6 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace) -> int:
     """Write a first case and print what was understood and what is left to do."""
     source = recognise(options.path, options.group)
+    if options.group and source.kind != "simvascular":
+        raise InputError("command line", "--group", ", ".join(options.group), "only a SimVascular project has groups")
     stem = source.path.absolute().name if source.path.is_dir() else source.path.name.split(".")[0]
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).lstrip("_.-")[:60] or "patient"
     folder = Path(options.into or f"{name}-case")

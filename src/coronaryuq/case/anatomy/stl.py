@@ -1,5 +1,6 @@
 """STL files as scanners, segmentation programs and converters write them, binary or ASCII."""
 
+import codecs
 import re
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def read_stl(path: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     InputError
         If the file is truncated, holds no triangle, or a coordinate is no finite number.
     """
-    content = path.read_bytes()
+    content = path.read_bytes().removeprefix(codecs.BOM_UTF8)
     number = int.from_bytes(content[80:84], "little") if len(content) >= HEADER else 0
     end = HEADER + RECORD * number
     text = content[:512].lstrip().lower().startswith(b"solid") and VERTEX.search(content) is not None

@@ -101,6 +101,8 @@ def read_surfaces(path: str | Path, scale: float = 1.0) -> list[Surface]:
         raise InputError(path, None, None, "contains no surface; export the lumen as triangles (STL, VTP, PLY)")
     mesh.clear_data()
     mesh = mesh.triangulate().clean(tolerance=WELD, absolute=False)
+    if mesh.n_cells == 0 or mesh.n_verts + mesh.n_lines == mesh.n_cells:
+        raise InputError(path, "triangles", 0, "contains points or lines alone; export the lumen as triangles")
     if mesh.n_cells > MOST_TRIANGLES:
         raise InputError(path, "triangles", mesh.n_cells, f"more than {MOST_TRIANGLES}; decimate the surface")
     points = np.asarray(mesh.points, dtype=float) * scale

@@ -17,7 +17,6 @@ from coronaryuq.case.case_json import Branch, Dominance, Point, Tissue
 from coronaryuq.case.description.fields import Anatomy, Description, SystemicOutlet, TerritoryFlows
 from coronaryuq.case.draft.labels import BRANCHES, artery_of, label_ends, tissue_of
 from coronaryuq.case.draft.source import End, Source
-from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import CORONARY, Topology, closed_loop_tree
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import OutletRow
@@ -242,7 +241,7 @@ def draft_network(source: Source) -> Draft:
     InputError
         If it is no closed loop with one tree of vessels.
     """
-    topology = closed_loop_tree(Network(read_json(source.path)), source.path)
+    topology = closed_loop_tree(read_json(source.path), source.path)
     rows = []
     for bc, vessel in sorted(topology.vessel_of.items(), key=lambda entry: natural_key(entry[0])):
         if topology.kind(bc) not in CORONARY:

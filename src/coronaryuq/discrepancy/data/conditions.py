@@ -131,7 +131,7 @@ def _condition(path: str | Path, name: str, keys: Any) -> Condition:
         name,
         coronary_resistance_scale=_scale(path, f"{name}.coronary_resistance_scale", keys),
         period_scale=_scale(path, f"{name}.period_scale", keys),
-        scale=_table(path, f"{name}.scale", keys.get("scale") or {}),
+        scale=_factors(path, f"{name}.scale", keys.get("scale") or {}),
         set=_table(path, f"{name}.set", keys.get("set") or {}),
         drive={bc: _drive(Path(path).parent / str(file)) for bc, file in drive.items()},
         held_out=held_out,
@@ -178,6 +178,16 @@ def _free(path: str | Path, name: str, free: Any) -> tuple[str, ...]:
         if entry not in FREE:
             raise InputError(path, f"{name}.free", entry, f"known: {', '.join(FREE)}")
     return tuple(free)
+
+
+def _factors(path: str | Path, where: str, table: Any) -> dict[str, dict[str, float]]:
+    """Return a table of factors, none of them negative; 0 takes an element away."""
+    found = _table(path, where, table)
+    for block, entry in found.items():
+        for parameter, factor in entry.items():
+            if factor < 0.0:
+                raise InputError(path, f"{where}.{block}.{parameter}", factor, "expected a factor, 0 or more")
+    return found
 
 
 def _table(path: str | Path, where: str, table: Any) -> dict[str, dict[str, float]]:
