@@ -53,7 +53,7 @@ def test_an_assumed_heart_rate_is_said(small_tree, tmp_path, lines, noted):
 
 def test_nothing_is_written_when_the_case_is_wrong(small_tree, tmp_path):
     path = write_case(tmp_path, small_tree, targets="absent.csv")
-    with pytest.raises(InputError, match="absent.csv: no such file"):
+    with pytest.raises(InputError, match="targets = .absent.csv.: no such file"):
         prepare_case(path, Settings(), tmp_path / "case")
     assert not (tmp_path / "case").exists()
 

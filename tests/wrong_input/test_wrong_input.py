@@ -212,7 +212,7 @@ WRONG = [
     (configuration, "campaign.yaml", lambda p: p.write_bytes(b"name: \xff\xfe"), "not UTF-8 text"),
     (case, "case.yaml", gone, "no such file"),
     (case, "case.yaml", text("a: &a [*a]\n"), "aliases"),
-    (case, "case.yaml", replaced("outlets.csv", "'; rm -rf .csv'"), "; rm -rf .csv: no such file"),
+    (case, "case.yaml", replaced("outlets.csv", "'; rm -rf .csv'"), "= '; rm -rf .csv': no such file"),
     (case, "case.yaml", replaced("unit: cm}", "unit: inch}"), "anatomy.unit = 'inch'"),
     (case, "case.yaml", replaced("start: 1.0", "start: 9.0"), "end must be greater than start"),
     (case, "case.yaml", replaced("vessel: lca1", "vessel: lca9"), "lca9"),

@@ -13,7 +13,7 @@ import yaml
 
 from coronaryuq import config
 from coronaryuq.campaign import explain
-from coronaryuq.case.description.dependencies import files_named, lumen, measurements
+from coronaryuq.case.description.dependencies import check_files, files_named, lumen, measurements
 from coronaryuq.case.description.fields import read_description
 from coronaryuq.case.description.yaml_file import as_written
 from coronaryuq.config import Campaign
@@ -74,6 +74,7 @@ def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default:
     surface = lumen(campaign.case, description).as_posix() if meshed_as_it_is else None
     measured = measurements(campaign.case, description)
     in_3d = description.anatomy is not None and description.stenoses != []
+    check_files(campaign.case, description)
     return Given(campaign, files_named(campaign.case, description), surface, measured, in_3d)
 
 

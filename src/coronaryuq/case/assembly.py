@@ -17,6 +17,7 @@ from coronaryuq.case.case_json import (
     Dominance,
     TargetValue,
 )
+from coronaryuq.case.description.dependencies import check_files
 from coronaryuq.case.description.fields import Description, read_description
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.description.routine import RoutineErrors
@@ -90,6 +91,7 @@ def assemble(
     """
     path = Path(case_yaml)
     description = read_description(path)
+    check_files(path, description)
     folder = path.parent
     sketch = sketch or Sketch()
     try:

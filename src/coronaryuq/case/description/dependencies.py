@@ -1,25 +1,46 @@
 """The files that a case refers to: inputs of its rules, and the lumen from which a mesh may be made."""
 
+import os
 from pathlib import Path
 
 from coronaryuq.case.description.fields import Description
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.text import visible
 
 
 def files_named(path: str | Path, description: Description) -> list[Path]:
     """Return every file and folder that the case at `path` refers to."""
-    named: list[str | None] = [description.network, description.outlets, description.targets]
+    return [Path(path).parent / name for name in _by_field(description).values()]
+
+
+def check_files(path: str | Path, description: Description) -> None:
+    """Raise InputError, with the field that names it, for the first file or folder of a case that is not there."""
+    for field, name in _by_field(description).items():
+        file = Path(path).parent / name
+        if not os.path.lexists(file):
+            beside = [found.name for found in visible(file.parent)] if file.parent.is_dir() else []
+            other = next((found for found in beside if found.lower() == file.name.lower()), None)
+            hint = f"; did you mean {other}?" if other else "; paths are relative to the case's file, with / between"
+            raise InputError(path, field, name, f"no such file{hint}")
+
+
+def _by_field(description: Description) -> dict[str, str]:
+    """Return the files and folders that a case names, by field."""
+    named: dict[str, str | None] = {"outlets": description.outlets, "targets": description.targets}
     # Measurements are missing here: the case does not depend on them, only the search does.
+    named["network"] = description.network
     if description.anatomy is not None:
-        named.append(description.anatomy.path)
+        named[f"anatomy.{description.anatomy.kind}"] = description.anatomy.path
     if description.territory_flows is not None:
-        named.append(description.territory_flows.file)
+        named["territory_flows.file"] = description.territory_flows.file
     if description.perfusion is not None:
         perfusion = description.perfusion
-        named += [perfusion.file, perfusion.transform, perfusion.label.file if perfusion.label else None]
+        named |= {"perfusion.file": perfusion.file, "perfusion.transform": perfusion.transform}
+        named["perfusion.label.file"] = perfusion.label.file if perfusion.label else None
         if perfusion.registration is not None:
-            named += [perfusion.registration.fixed, perfusion.registration.moving]
-    return [Path(path).parent / name for name in named if name]
+            named["perfusion.registration.fixed"] = perfusion.registration.fixed
+            named["perfusion.registration.moving"] = perfusion.registration.moving
+    return {field: name for field, name in named.items() if name}
 
 
 def measurements(path: str | Path, description: Description) -> tuple[str, str] | None:
