@@ -1,6 +1,9 @@
 """Figures are drawn from files only, and the same files give the same bytes."""
 
 import importlib
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
@@ -108,3 +111,12 @@ def test_every_named_figure_has_a_function():
 def test_an_unknown_figure_is_reported_with_those_that_exist():
     with pytest.raises(InputError, match="unknown figure; available: cardiac_function"):
         draw("pie", {}, "pie.png")
+
+
+@pytest.mark.parametrize("backend", ["nonsense", "module://matplotlib_inline.backend_inline"])
+def test_neither_a_backend_from_outside_nor_a_home_without_files_matters(tmp_path, backend):
+    (tmp_path / "home").write_text("")
+    outside = {"MPLBACKEND": backend, "MPLCONFIGDIR": str(tmp_path / "home")}
+    command = [sys.executable, "-c", "from coronaryuq.figures.style import plt; plt.figure()"]
+    done = subprocess.run(command, env=os.environ | outside, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
