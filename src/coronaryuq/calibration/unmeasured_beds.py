@@ -1,8 +1,8 @@
 """Beds whose flow is not measured, those of the right ventricle, the septum and the atria: what is assumed of them.
 
 Their share of conductance beside the LV-perfusing beds follows Murray's law, flow as a power n of the outlet's radius.
-Its exponent is not known, nor are the radii exactly: an outlet of 0.6 mm with an error of 0.12 mm has half or twice the
-flow. Nor do all beds conduct equally. What these beds draw passes the stenoses upstream of them.
+Its exponent is not known, nor are the radii exactly: an outlet of 0.6 mm with an error of 0.12 mm has 0.6 to 1.7 times
+the flow. Nor do all beds conduct equally. What these beds draw passes the stenoses upstream of them.
 """
 
 from collections.abc import Mapping, Sequence
