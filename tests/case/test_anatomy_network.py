@@ -1,10 +1,13 @@
 """The 0D network of a tree: the published rules, number by number."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from coronaryuq.case.anatomy.read import labelled
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, area_ratio
+from coronaryuq.case.network.along_tree import vessels_along
 from coronaryuq.case.network.build import (
     CORONARY_CAPACITANCE,
     HEART,
@@ -19,6 +22,7 @@ from coronaryuq.case.network.topology import closed_loop_tree
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
 from coronaryuq.synthetic.anatomy import narrowed
+from coronaryuq.zerod.network.read import check_network
 from support.case_files import straight
 
 BEDS = [Bed("BC_lca1", "lca1", False), Bed("BC_lca2", "lca2", False), Bed("BC_rca1", "rca1", True)]
@@ -91,6 +95,27 @@ def test_the_network_is_one_tree_from_the_heart_to_every_bed(small_tree, small_s
         "BC_lca1",
         "BC_lca2",
     }
+
+
+@pytest.mark.parametrize("vessel", ["aorta", "lca1", "rca1"])
+@pytest.mark.parametrize(
+    "name", ["J0", "J1", "BC_lca2", "BC_RCR1", "CLH", "J_heart_inlet", "J_heart_outlet", "branch1_seg0"]
+)
+def test_a_vessel_may_have_the_name_of_a_block_that_the_network_adds(small_tree, small_stenoses, vessel, name):
+    """Such cases were refused: `junctions.J0: name already taken by vessels.J0`."""
+
+    def renamed(old):
+        return name if old == vessel else old
+
+    tree = Tree([replace(v, name=renamed(v.name), parent=renamed(v.parent)) for v in small_tree])
+    stenoses = [replace(s, vessel=renamed(s.vessel)) for s in small_stenoses]
+    beds = [replace(bed, vessel=renamed(bed.vessel)) for bed in BEDS]
+    network = check_network(network_from_tree(tree, beds, {"BC_RCR1": "aorta_outlet"}, stenoses))
+    plain = network_from_tree(small_tree, BEDS, {"BC_RCR1": "aorta_outlet"}, small_stenoses)
+    assert [v["zero_d_element_values"] for v in network.vessels] == [v["zero_d_element_values"] for v in plain.vessels]
+    assert network.boundary_conditions == plain.boundary_conditions
+    for part, usual in zip(vessels_along(tree, stenoses, network), plain.vessel_names.values(), strict=True):
+        assert part.name == usual or part.vessel in (name, "branch1"), "names that nothing else has stay"
 
 
 def test_resistances_share_the_resting_flow_by_murray_and_add_up(small_tree):

@@ -41,7 +41,7 @@ def words_of(case: str | Path | None, tree: str | Path | None) -> Callable[[Any]
     if case is None or tree is None:
         return lambda names: names
     summary = read_case(case)
-    return InWords.of(read_tree(tree), summary.outlets, summary.stenoses)
+    return InWords.of(read_tree(tree), summary.outlets, summary.stenoses, summary.systemic)
 
 
 def tree(table: str | Path, output: str | Path, case: str | Path | None = None, tree: str | Path | None = None) -> None:

@@ -77,7 +77,7 @@ def write_report(
     texts = alternatives(rows, lowest, summary, _names(case, rows))
     drawn = figures_of_sections(figures, texts, others={"fit": len(searches[1])})
     # Searches come after the fit to the data.
-    in_words = InWords.of(readings.tree, case.outlets, case.stenoses)
+    in_words = InWords.of(readings.tree, case.outlets, case.stenoses, case.systemic)
     found = discrepancy.searches(*searches, first_figure=FIRST + len(drawn["pictures"]) + len(drawn["fit"]))
     context = {
         "case": case,

@@ -14,7 +14,7 @@ def vessels_along(tree: Tree, stenoses: Sequence[Stenosis], network: Network, fi
     Raises `InputError` if the network has neither.
     """
     known = set(network.vessel_names.values())
-    made = segments(tree, stenoses)
+    made = segments(tree, stenoses, [bed["bc_name"] for bed in network.boundary_conditions])
     if {segment.name for segment in made} <= known:
         return made
     if {vessel.name for vessel in tree} <= known:

@@ -1,13 +1,14 @@
 """A 0D network from a centreline tree, by the published rules (Pfaller et al. 2022), as svZeroDSolver JSON in CGS."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from coronaryuq.case.anatomy.tree import Stenosis, Tree, Vessel, area_ratio
 from coronaryuq.case.network.entrances import kinetic_coefficient
-from coronaryuq.case.network.network import ENTRANCE, HEART_TYPE, Network
+from coronaryuq.case.network.network import AFTER_HEART, BEFORE_HEART, ENTRANCE, HEART_TYPE, Network
+from coronaryuq.case.network.network import HEART as HEART_BLOCK
 from coronaryuq.case.settings import (
     CORONARY_SHARE,
     KINETIC_FACTOR,
@@ -102,11 +103,14 @@ class Segment:
     stenosis: str | None = None
 
 
-def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -> list[Segment]:
+def segments(
+    tree: Tree, stenoses: Sequence[Stenosis], beds: Collection[str] = (), shortest: float = 0.02
+) -> list[Segment]:
     """Return the 0D vessels of a tree, parents first: one per vessel, cut at ends of stenoses and where FFR is read.
 
     Inner vessels become `NAME_seg0`, `NAME_seg1`, ...; the last part of a vessel that ends the tree, or of the aortic
-    root, keeps the plain name. An ostial artery starts where it leaves the aorta.
+    root, keeps the plain name unless a boundary condition or the heart has it. An ostial artery starts where it leaves
+    the aorta.
 
     Parameters
     ----------
@@ -114,6 +118,8 @@ def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -
         Vessels, cm.
     stenoses : sequence of Stenosis
         Where to cut.
+    beds : collection of str
+        Boundary conditions of the network, whose names no vessel may have.
     shortest : float
         Length (cm) below which a part next to a stenosis is left out.
 
@@ -122,7 +128,9 @@ def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -
     ValueError
         If a stenosis lies outside its vessel, or two overlap.
     """
-    ends = {v.name for v in tree.leaves()} | {tree.root.name}
+    taken = {HEART_BLOCK, BEFORE_HEART, AFTER_HEART, *beds}
+    ends = ({v.name for v in tree.leaves()} | {tree.root.name}) - taken
+    taken |= ends
     result = []
     for vessel in tree:
         here = sorted((s for s in stenoses if s.vessel == vessel.name), key=lambda s: s.start)
@@ -146,8 +154,17 @@ def segments(tree: Tree, stenoses: Sequence[Stenosis], shortest: float = 0.02) -
             parts.append((begin, vessel.length, None))
         for k, (start, end, name) in enumerate(parts):
             plain = vessel.name in ends and k == len(parts) - 1
-            result.append(Segment(vessel.name if plain else f"{vessel.name}_seg{k}", vessel.name, start, end, name))
+            own = vessel.name if plain else _free(vessel.name, f"_seg{k}", taken)
+            result.append(Segment(own, vessel.name, start, end, name))
     return result
+
+
+def _free(stem: str, ending: str, taken: set[str]) -> str:
+    """Return a name that no block has yet, with as few underscores between stem and ending as possible, and take it."""
+    while (name := stem + ending) in taken:
+        stem += "_"
+    taken.add(name)
+    return name
 
 
 def shape_integrals(radii: np.ndarray, arc: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -232,7 +249,8 @@ def network_from_tree(
             f"ends of the tree without an outlet: {', '.join(sorted(ends - set(with_outlet))) or 'none'}; "
             f"outlets at no end of the tree: {', '.join(sorted(set(with_outlet) - ends)) or 'none'}"
         )
-    parts = segments(tree, stenoses)
+    bed_names = [b.name for b in beds] + list(systemic)
+    parts = segments(tree, stenoses, bed_names)
     number = {part.name: k for k, part in enumerate(parts)}
     at_end = {b.vessel: b.name for b in beds} | {vessel: name for name, vessel in systemic.items()}
     by_name = {s.name: s for s in stenoses}
@@ -272,7 +290,7 @@ def network_from_tree(
         },
         "boundary_conditions": [*_windkessels(tree, systemic, physics), *_coronary_beds(tree, beds, physics)],
         "vessels": vessels,
-        "junctions": _junctions(tree, parts, number),
+        "junctions": _junctions(tree, parts, number, {*number, *bed_names}),
         "closed_loop_blocks": [
             {
                 "closed_loop_type": HEART_TYPE,
@@ -311,7 +329,7 @@ def _is_last(parts: Sequence[Segment], part: Segment) -> bool:
     return part is [p for p in parts if p.vessel == part.vessel][-1]
 
 
-def _junctions(tree: Tree, parts: Sequence[Segment], number: Mapping[str, int]) -> list[dict]:
+def _junctions(tree: Tree, parts: Sequence[Segment], number: Mapping[str, int], taken: set[str]) -> list[dict]:
     junctions: list[dict] = []
     for k, part in enumerate(parts):
         if k + 1 < len(parts) and parts[k + 1].vessel == part.vessel:
@@ -324,7 +342,7 @@ def _junctions(tree: Tree, parts: Sequence[Segment], number: Mapping[str, int]) 
         if after:
             junctions.append(
                 {
-                    "junction_name": f"J{len(junctions)}",
+                    "junction_name": _free(f"J{len(junctions)}", "", taken),
                     "junction_type": "NORMAL_JUNCTION",
                     "inlet_vessels": [number[part.name]],
                     "outlet_vessels": [number[name] for name in after],

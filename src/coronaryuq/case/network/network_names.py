@@ -36,14 +36,16 @@ class InWords:
         self._vessels, self._beds, self._parts = vessels, beds, parts or {}
 
     @classmethod
-    def of(cls, tree: Tree, outlets: Iterable[CaseOutlet], stenoses: Iterable[CaseStenosis]) -> "InWords":
+    def of(
+        cls, tree: Tree, outlets: Iterable[CaseOutlet], stenoses: Iterable[CaseStenosis], systemic: Iterable[str] = ()
+    ) -> "InWords":
         """Return the words for the network of a case.
 
         An artery is several vessels of the tree, one from each bifurcation to the next; its parts are numbered through.
         """
         outlets, stenoses = list(outlets), list(stenoses)
         vessels = readable_names(tree, outlets)
-        built = segments(tree, placed_stenoses(stenoses))
+        built = segments(tree, placed_stenoses(stenoses), [*(outlet.bc for outlet in outlets), *systemic])
         parts: dict[str, tuple[str, int]] = {}
         if {one.segment for one in stenoses} <= {one.name for one in built}:  # a given network has parts of its own
             whole, so_far = Counter(vessels[one.vessel] for one in built), Counter[str]()

@@ -49,7 +49,7 @@ def case_stenoses(
     InputError
         If a 0D vessel is missing, or feeds none of the outlets of the stated artery.
     """
-    parts = segments(tree, stenoses)
+    parts = segments(tree, stenoses, topology.blocks)
     built = {p.stenosis: p.name for p in parts if p.stenosis}
     places = {} if description.stenoses == "auto" else {place.name: place for place in description.stenoses}
     by_name = {s.name: s for s in stenoses}
