@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.workflow, pytest.mark.long]
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    return smoke.campaign(tmp_path_factory.mktemp("adopted"), "adopted", more=ADOPT)
+    return smoke.campaign(tmp_path_factory.mktemp("adopted"), "--", "adopted", more=ADOPT)
 
 
 def true_ffr(results):
@@ -50,8 +50,9 @@ def test_the_prediction_after_adoption_holds_the_true_ffr_and_the_one_before_doe
 
 
 def test_snakemakes_own_report_holds_the_figures_of_the_search_as_a_self_test(results, tmp_path):
-    smoke.campaign(results.parents[1], "discrepancy", more=ADOPT)
-    smoke.campaign(results.parents[1], "discrepancy", "--report", str(tmp_path / "campaign.zip"), more=ADOPT)
+    smoke.campaign(results.parents[1], "--", "discrepancy", more=ADOPT)
+    zipped = ("--report", str(tmp_path / "campaign.zip"))
+    smoke.campaign(results.parents[1], *zipped, "--", "discrepancy", more=ADOPT)
     with zipfile.ZipFile(tmp_path / "campaign.zip") as archive:
         text = "".join(archive.read(name).decode() for name in archive.namelist() if name.endswith((".js", ".html")))
     for words in ("Self-test of the search", "The measurements are invented", SEARCHES["ranking"].title):
