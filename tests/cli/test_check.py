@@ -120,3 +120,20 @@ def test_a_fault_in_a_pullback_of_a_case_is_one_line(configuration, capsys, spoi
     assert main(["check", "given/case.yaml"]) == InputError.EXIT_CODE
     printed = capsys.readouterr().err
     assert line in printed and printed.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("condition", "line"),
+    [
+        ("stress", None),
+        ("rst", "measurements.map_condition = 'rst': the table has no mean perfusion of BC_lca1 under it"),
+    ],
+)
+def test_the_condition_of_the_map_has_readings_of_all_targets(configuration, capsys, condition, line):
+    add_measurements(Path("given/case.yaml"))
+    rca = "stress,perfusion,BC_rca1,mean,,0.9,0.1,mL/min/g\n"
+    Path("given/measured.csv").write_text(clinical_table() + rca)
+    case = Path("given/case.yaml")
+    case.write_text(case.read_text().replace("conditions.yaml}", f"conditions.yaml, map_condition: {condition}}}"))
+    assert main(["check", "given/case.yaml"]) == (0 if line is None else InputError.EXIT_CODE)
+    assert line is None or line in capsys.readouterr().err

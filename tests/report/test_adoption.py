@@ -13,7 +13,8 @@ ONE = {
 OTHER = ONE | {"effect": "pressure_offset", "probability": 0.1, "refused": "an error of a sensor", "measurement": True}
 FFR = {"median": 0.81, "low": 0.73, "high": 0.858, "zones": [0.1, 0.315, 0.585], "failed": 0}
 FOUND = {
-    "adopted": True, "reason": "", "classes": [{"members": [ONE, OTHER], "source": "search of 777 fitted values"}],
+    "adopted": True, "targets_corrected": False, "reason": "",
+    "classes": [{"members": [ONE, OTHER], "source": "search of 777 fitted values"}],
     "gap": {when: {"misfit": x, "interval_90": [x - 0.1, x + 0.1]} for when, x in (("before", 1.7), ("after", 0.9))},
     "held_out": ["half dilated"], "scheme": "held out", "zones": [0.75, 0.8], "not_in_3d": {}, "in_lumen": {},
     "samples": {"before": 200, "after": 200},
@@ -44,6 +45,14 @@ def test_it_says_what_was_adopted_with_interval_and_source_and_both_predictions(
 
 def test_an_invented_effect_is_not_presented_as_one_of_the_patient(section):
     assert section(invented=True)["text"].startswith("This tests the loop on invented data")
+
+
+@pytest.mark.parametrize("network", [True, False])
+def test_target_flows_without_an_error_of_the_map_are_said_and_the_prediction_is_another_one(section, network):
+    found = section(adopted=network, targets_corrected=True)
+    assert "target flows are those of the perfusion map without its error" in found["text"]
+    assert ("became part" in found["text"]) == network or "No effect became part" in found["text"]
+    assert found["note"].startswith("200 samples each")
 
 
 def test_what_3d_cannot_have_is_said(section):

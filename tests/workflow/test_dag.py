@@ -88,6 +88,16 @@ def test_adoption_switched_off_again_leaves_its_files_and_runs_the_campaign_as_b
     assert set(with_it) - set(without) == ADOPTION | SEARCH and not set(without) - set(with_it)
 
 
+def test_calibration_and_posterior_are_fitted_to_the_flows_without_the_errors_of_the_map(checkout):
+    checkout.settings = changed(checkout, discrepancy={"adopt": True})
+    checkout.pretend_done()
+    (target,) = checkout.folder.glob("results/*/adopted/targets.json")
+    target.write_text(target.read_text() + " ")
+    jobs = set(checkout.dry_run())
+    assert jobs >= {"calibration", "posterior_chains", "report"}
+    assert not jobs & {"adopt", "adoption_calibration", "adoption_chains", "discrepancy_search"}
+
+
 def test_the_target_adopted_makes_no_3d_run(checkout):
     jobs = checkout.dry_run("adopted", settings=changed(checkout, discrepancy={"adopt": True}))
     assert set(jobs) >= ADOPTION and not {"flow3d_batch", "runs", "report"} & set(jobs)

@@ -26,14 +26,18 @@ rule adopt:
         base_json=untuned,
         searched_json=rules.adoption_calibration.output.rest_json,
         answer_json=paths.discrepancy(ADOPTED_CASE, "found", "discrepancy.json"),
+        residuals_csv=paths.discrepancy(ADOPTED_CASE, "found", "residuals.csv"),
         measurements=searches.cases.get(ADOPTED_CASE, {}).get("measurements", []),
+        perfusion_json=rules.perfusion.output.out_json,
     output:
         network_json=results("adopted", "network.json"),
+        targets_json=results("adopted", "targets.json"),
         adoption_json=results("adopted", "adoption.json"),
     log:
         log_of("adopted", "adopt.log"),
     params:
         **stage("coronaryuq.adoption.stage:adopt"),
+        map_condition=given.map_condition if ADOPTED_CASE == "case" else None,
     script:
         "../scripts/stage.py"
 

@@ -6,7 +6,7 @@ rule calibration:
     input:
         case_json=rules.case.output.case_json,
         network_json=results("adopted", "network.json") if adopts else untuned,
-        targets_json=rules.perfusion.output.out_json,
+        targets_json=target_flows,
     output:
         rest_json=results("calibration", "rest.json"),
         hyperaemia_json=results("calibration", "hyperaemia.json"),

@@ -54,6 +54,9 @@ cached = start.cache_is_writable()
 # To be tuned: the case's network, or that with the losses that 3D runs taught it, see losses.smk.
 untuned = results("losses", "network.json") if teaches else results("case", "network.json")
 
+# What calibration and posterior are fitted to: the map's flows, without the errors of the map that a search named.
+target_flows = results("adopted", "targets.json") if adopts else results("perfusion", "targets.json")
+
 
 onstart:
     try:

@@ -8,7 +8,7 @@ rule posterior_chains:
         before=shorter_chains,
         case_json=rules.case.output.case_json,
         hyperaemia_json=rules.calibration.output.hyperaemia_json,
-        targets_json=rules.perfusion.output.out_json,
+        targets_json=target_flows,
         script=workflow.source_path("../scripts/stage.py"),
     output:
         out_npz=results("posterior", "length_{length}", "chains.npz"),
@@ -54,7 +54,7 @@ rule posterior:
         unpack(longest_chains),
         case_json=rules.case.output.case_json,
         hyperaemia_json=rules.calibration.output.hyperaemia_json,
-        targets_json=rules.perfusion.output.out_json,
+        targets_json=target_flows,
     output:
         posterior=results("posterior", "posterior.nc"),
         draws=results("posterior", "draws.csv"),

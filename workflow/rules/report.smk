@@ -45,7 +45,7 @@ rule report:
         pressures=rules.pressure_map.output.out_csv,
         predicted=rules.pressure_map.output.predicted_csv,
         fit=rules.calibration.output.fit_csv,
-        targets=rules.perfusion.output.out_json,
+        targets=target_flows,
         summary=rules.posterior.output.summary,
         mesh=results("mesh", "mesh.json"),
         failures=rules.runs.output.failures,

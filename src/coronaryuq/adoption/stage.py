@@ -9,6 +9,7 @@ import pandas as pd
 
 from coronaryuq.adoption.choice import Choice, Placed, chosen
 from coronaryuq.adoption.in_3d import for_3d, places_along
+from coronaryuq.adoption.map_errors import readings_of_map, without_map_errors
 from coronaryuq.adoption.network import with_effects
 from coronaryuq.case.anatomy.tree import read_tree
 from coronaryuq.case.case_json import CaseSummary, read_case
@@ -16,7 +17,9 @@ from coronaryuq.case.network.build import Physics
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.provenance import checksum
+from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.flow3d.mesh.description import read_description
+from coronaryuq.perfusion.targets import read_perfusion_targets
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.read import read_network, write_network
 from coronaryuq.zerod.settings import Settings as ZeroDSettings
@@ -29,9 +32,10 @@ QUANTILES = (0.05, 0.5, 0.95)
 
 def adopt(
     case_json: str | Path, base_json: str | Path, searched_json: str | Path, answer_json: str | Path,
-    measurements: str | Path, network_json: str | Path, adoption_json: str | Path,
+    residuals_csv: str | Path, measurements: str | Path, perfusion_json: str | Path, map_condition: str | None,
+    network_json: str | Path, targets_json: str | Path, adoption_json: str | Path,
 ) -> None:  # fmt: skip
-    """Write the campaign's network with the effects that a search named and confirmed, and what was adopted.
+    """Write the campaign's network and target flows with what a search named and confirmed, and what was adopted.
 
     Parameters
     ----------
@@ -41,10 +45,12 @@ def adopt(
         Network to be tuned, at rest: the case's, or that with losses learnt from 3D.
     searched_json
         The tuned loop at rest that was searched.
-    answer_json, measurements
-        `discrepancy.json` of the search, and the table that it searched.
-    network_json
-        Network to write: equal to the base if nothing is adopted.
+    answer_json, residuals_csv, measurements
+        `discrepancy.json` and `residuals.csv` of the search, and the table that it searched.
+    perfusion_json, map_condition
+        Target flows of the perfusion stage, and the condition under which the table's perfusion is read from their map.
+    network_json, targets_json
+        Network and target flows to write: equal to those read if nothing is adopted.
     adoption_json
         What was adopted, why not, and where it is from.
     """
@@ -57,8 +63,14 @@ def adopt(
     )
     Theta(adopted.network, network_json)
     write_network(network_json, adopted.network)
-    classes = [_described(members, adopted.refused, source) for members in choice.classes]
-    write_json(adoption_json, _summary(choice, classes, answer))
+    targets, readings = read_perfusion_targets(perfusion_json), None
+    if map_condition is not None:
+        readings = readings_of_map(_perfusion(residuals_csv), map_condition, targets.bc, measurements)
+    corrected = without_map_errors(targets, choice.classes, readings)
+    write_json(targets_json, corrected.targets.model_dump())
+    became = adopted.refused | corrected.became
+    classes = [_described(members, became, source) for members in choice.classes]
+    write_json(adoption_json, _summary(choice, classes, answer) | {"targets_corrected": corrected.changed})
 
 
 def in_3d(
@@ -134,6 +146,19 @@ def _predicted(values: pd.Series, zones: Sequence[float]) -> dict[str, Any]:
 def _locations(case: CaseSummary) -> list[str]:
     """Return the locations that are read by name alone."""
     return [case.aorta.pressure]
+
+
+def _perfusion(residuals_csv: str | Path) -> list[Measured]:
+    """Return the measured mean perfusion, in the order of the search."""
+    rows = read_csv(residuals_csv, ("measured", "sd"), ("condition", "quantity", "location", "statistic"))
+    rows = rows[(rows["quantity"] == "perfusion") & (rows["statistic"] == "mean")]
+    return [
+        Measured(
+            row.condition, row.quantity, row.location, row.statistic, None, 1.0,
+            np.array([row.measured]), np.array([row.sd]),
+        )
+        for row in rows.itertuples()
+    ]  # fmt: skip
 
 
 def _source(answer: Mapping[str, Any], measurements: str | Path) -> str:

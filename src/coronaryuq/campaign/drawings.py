@@ -31,6 +31,8 @@ PUBLISHED = INTERVALS | {"osi_scatter": {"pairs": "pairs.csv"}, "osi_budget": {"
 def figures(campaign: Campaign, paths: Paths) -> dict[str, dict[str, str]]:
     """Return the campaign's figures: name → inputs by keyword of the function that draws it."""
     chosen = ALWAYS | _in_folder(ESTIMATES, "estimation")
+    if campaign.discrepancy.adopt:
+        chosen |= {name: FLOWS | {"targets": "adopted/targets.json"} for name in ("flows", "flow_correlation")}
     if min(campaign.estimation.convergence_sizes, default=0) <= campaign.samples.n_3d - HELD_BACK:
         chosen["convergence"] = {"convergence": "estimation/convergence.json"}
     if campaign.backend == "ensemble" and campaign.flow3d.fields:

@@ -51,6 +51,7 @@ KINDS = (
     Kind(
         r"adopted/network\.json", "0D network at rest with the adopted effects, before tuning, svZeroDSolver JSON, CGS"
     ),
+    Kind(r"adopted/targets\.json", "target flows without the errors of the map that the search named"),
     Kind(r"adopted/hyperaemia_3d\.json", "the tuned loop for 3D runs, with what their lumen is narrowed by, CGS"),
     Kind(
         r"adopted/(?:adoption|in_3d|comparison)\.json",

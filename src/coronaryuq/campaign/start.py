@@ -31,7 +31,8 @@ _taken: list[AbstractContextManager] = []
 class Given:
     """A campaign's configuration, the files of its case, its lumen if that is meshed directly, and its measurements.
 
-    measurements: the table and the file of conditions. in_3d: whether the case has a 3D model.
+    measurements: the table and the file of conditions. in_3d: whether the case has a 3D model. map_condition: condition
+    under which their perfusion is read from the case's map.
     """
 
     campaign: Campaign
@@ -39,6 +40,7 @@ class Given:
     lumen: str | None
     measurements: tuple[str, str] | None
     in_3d: bool
+    map_condition: str | None = None
 
 
 def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default: Path) -> Given:
@@ -75,7 +77,10 @@ def read_campaign(settings: dict[str, Any], configfiles: Sequence[str], default:
     measured = measurements(campaign.case, description)
     in_3d = description.anatomy is not None and description.stenoses != []
     check_files(campaign.case, description)
-    return Given(campaign, files_named(campaign.case, description), surface, measured, in_3d)
+    # Measurements of the configuration replace those of the case.
+    own = description.measurements if campaign.discrepancy.measurements is None else None
+    map_condition = None if own is None else own.map_condition
+    return Given(campaign, files_named(campaign.case, description), surface, measured, in_3d, map_condition)
 
 
 def check_place(snakefile: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel
 
+from coronaryuq.adoption.map_errors import readings_of_map
 from coronaryuq.campaign import start
 from coronaryuq.campaign.paths import Paths
 from coronaryuq.campaign.searches import Searches
@@ -122,6 +123,9 @@ def _check_case(found: Checked, path: str | Path, settings: Settings) -> None:
         table, file = named
         conditions = read_conditions(file)
         series = read_series(found.case.network, table, conditions, file)
+        given = found.case.description.measurements
+        if given is not None and given.map_condition is not None:
+            readings_of_map(series, given.map_condition, [outlet.bc for outlet in found.case.summary.lv_outlets], path)
         states = [f"{name} (held out)" if conditions[name].held_out else name for name in measured_conditions(series)]
         found.lines.append(f"measurements: {len(series)} series under {', '.join(states)}")
         found.lines += [

@@ -10,6 +10,11 @@ BY_3D = (
     "is by 0D alone, before and after alike."
 )
 
+CORRECTED = (
+    "The target flows are those of the perfusion map without its error below; the loop was tuned, and the posterior "
+    "sampled, with these."
+)
+
 
 def adopted(files: Mapping[str, str], *, invented: bool) -> dict[str, Any]:
     """Return the section on adoption: sentences, lines of provenance, and rows of tables; empty without adoption.
@@ -23,7 +28,7 @@ def adopted(files: Mapping[str, str], *, invented: bool) -> dict[str, Any]:
     """
     if "adoption" not in files:
         return {"text": ""}
-    found = read_json(files["adoption"], ("adopted", "reason", "classes", "ffr", "zones"))
+    found = read_json(files["adoption"], ("adopted", "targets_corrected", "reason", "classes", "ffr", "zones"))
     told = _text(found)
     if invented:
         told = f"This tests the loop on invented data and says nothing about the patient. {told}"
@@ -35,7 +40,7 @@ def adopted(files: Mapping[str, str], *, invented: bool) -> dict[str, Any]:
         "rows": [_row(row) for row in found["ffr"]],
         "in_lumen": _in_lumen(found["in_lumen"]),
         "not_in_3d": _not_in_3d(found["not_in_3d"]),
-        "note": f"{found['samples']['after']} samples each. {BY_3D}" if found["adopted"] else "",
+        "note": f"{found['samples']['after']} samples each. {BY_3D}" if _changes(found) else "",
     }
 
 
@@ -52,15 +57,22 @@ def labels(files: Mapping[str, str]) -> dict[str, str]:
     return found
 
 
+def _changes(found: Mapping[str, Any]) -> bool:
+    """Return whether the prediction is made with another network, or from other target flows."""
+    return found["adopted"] or found["targets_corrected"]
+
+
 def _text(found: Mapping[str, Any]) -> str:
     if found["adopted"]:
         return (
             "The effects below became part of the campaign's network: the loop was tuned again with them, and their "
             "sizes are further uncertain parameters, with the posterior that the search found. Where data cannot tell "
             "several effects apart, each sample has one of them, by their probabilities."
-        )
+        ) + (f" {CORRECTED}" if found["targets_corrected"] else "")
     if found["reason"]:
         return f"Nothing was adopted: {found['reason']}. The campaign's network is its own."
+    if found["targets_corrected"]:
+        return f"No effect became part of the campaign's network. {CORRECTED}"
     return "Nothing was adopted into the network, for the reasons below. The campaign's network is its own."
 
 

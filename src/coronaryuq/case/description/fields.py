@@ -239,6 +239,11 @@ class Measurements(_Model):
     conditions: str = Field(
         description="YAML of the conditions under which they were taken, and what each changes in the network."
     )
+    map_condition: str | None = Field(
+        None,
+        description="Condition under which the table's perfusion is read from the case's own map; a named error of the "
+        "map then corrects the target flows, too.",
+    )
 
 
 class SystemicOutlet(_Model):

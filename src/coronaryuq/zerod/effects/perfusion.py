@@ -11,20 +11,25 @@ NATIVE = "acts on predicted perfusion; the network stays the same"
 MAP = "perfusion map"
 
 
-class MBFUnderestimation(Effect):
+class MapError(Effect):
+    """Base class of the errors of the perfusion map."""
+
+    side = "measurement"
+    native = NATIVE
+
+
+class MBFUnderestimation(MapError):
     """Myocardial blood flow underestimated at high flow, where less tracer is extracted."""
 
     name = "mbf_underestimation"
     formula = "MBF = F (1 - exp(-PS / F)) / (1 - exp(-PS / F_0)), PS = F_0 / s, F_0 the lowest measured flow"
     source = "Renkin, Am. J. Physiol. 197 (1959) 1205; Crone, Acta Physiol. Scand. 58 (1963) 292"
     signature = "perfusion correct at rest and too low in hyperaemia, increasingly so at high flow"
-    native = NATIVE
     parameters = (
         Parameter(
             "saturation", "1", "lognormal", 0.3, 0.8, "lowest measured flow over the permeability-surface product"
         ),
     )
-    side = "measurement"
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         territories = {s.location for s in observed if s.quantity == "perfusion"}
@@ -46,7 +51,7 @@ class MBFUnderestimation(Effect):
         return observed
 
 
-class ShiftedTerritory(Effect):
+class ShiftedTerritory(MapError):
     """Part of one territory attributed to another."""
 
     name = "shifted_territory"
@@ -56,9 +61,7 @@ class ShiftedTerritory(Effect):
         "perfusion of one territory drawn towards that of another in every condition; pressures and epicardial flows "
         "correct"
     )
-    native = NATIVE
     parameters = (Parameter("share", "1", "lognormal", 0.2, 0.7, "fraction of a territory that belongs to the other"),)
-    side = "measurement"
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         territories = sorted({s.location for s in observed if s.quantity == "perfusion"})
@@ -78,7 +81,7 @@ class ShiftedTerritory(Effect):
         return observed
 
 
-class RotatedTerritories(Effect):
+class RotatedTerritories(MapError):
     """Rotated map of territories: part of every territory attributed to the next."""
 
     name = "rotated_territories"
@@ -87,9 +90,7 @@ class RotatedTerritories(Effect):
     )
     source = "AHA 17-segment convention: Cerqueira et al., Circulation 105 (2002) 539"
     signature = "perfusion of every territory drawn towards that of its neighbour, the same in every condition"
-    native = NATIVE
     parameters = (Parameter("share", "1", "normal", 0.0, 0.3, "rotation over a territory's width"),)
-    side = "measurement"
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [MAP] if len({s.location for s in observed if s.quantity == "perfusion"}) > 2 else []
