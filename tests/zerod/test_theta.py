@@ -40,6 +40,14 @@ def test_values_change_their_targets_and_those_of_the_beds():
     assert changes["left.stenosis_coefficient"] == pytest.approx(own["left.stenosis_coefficient"] + 4.0)
 
 
+def test_wanted_parameters_change_as_they_do_among_all():
+    theta, columns = Theta(network(LOSS, PRESSURE)), {"BC_left": np.ones(2), "loss": np.array([3.0, 2.0])}
+    columns |= {"shift": np.array([1.0, -1.0])}
+    every, some = theta.changes(columns), theta.changes(columns, {"left.stenosis_coefficient"})
+    assert np.array_equal(every["left.stenosis_coefficient"], some["left.stenosis_coefficient"])
+    assert "left.R_poiseuille" in every and "left.R_poiseuille" not in some
+
+
 @given(st.lists(st.floats(-6, 6), min_size=2, max_size=2), st.floats(0.5, 2.0))
 def test_without_spread_nothing_changes_to_the_bit(z, multiplier):
     loop = network(LOSS | {"spread": 0.0}, PRESSURE | {"spread": 0.0, "loadings": {}})

@@ -22,16 +22,15 @@ class Chains:
     names (N,): of the beds. multipliers, flows (chains, n, N): of r-hat, and mL/s in the unit of the targets.
     parameter_names (k,), parameters (chains, n, k): values of the uncertain parameters. log_density (chains, n).
     log_weight (chains, n): log of the model's over the emulator's density at each proposal, up to a constant; nan
-    without an emulator, and where the proposal was not meant as a draw of it. burn_in: recorded states to discard.
-    every: generations per recorded state. generations: per chain, burn-in included. length: of what follows
-    burn-in, over that of the first chains. accepted, screen_accepted (chains,), proposed, screen_proposed: moves
-    after burn-in on the model and on the emulator. emulator_error (N,): of log flow; empty without an emulator.
-    independent: chains of independence steps. pilot_k_hat: Pareto k of the pilot runs, nan without them. refused:
-    why no independence steps were taken, empty if they were or were not asked for. runs, failures: of the model.
-    outliers: chains restarted. crossover: probability of each crossover value. weights (N,): shares of conductance
-    at r-hat. target_scale: factor on the targets; target_mean (N,), target_covariance (N, N): scaled. prior_ranges
-    (N, 2): of each multiplier, `PRIOR_SHARE`. fit_*: the resistances at which the model's flows are shared as the
-    targets are; fit_outside (N,): which of them lie outside the prior.
+    without an emulator. burn_in: recorded states to discard. every: generations per recorded state. generations: per
+    chain, burn-in included. length: of what follows burn-in, over that of the first chains. accepted, screen_accepted
+    (chains,), proposed, screen_proposed: moves after burn-in on the model and on the emulator. emulator_error (N,): of
+    log flow; empty without an emulator. independent: chains of independence steps. pilot_k_hat: Pareto k of the pilot
+    runs, nan without them. refused: why no independence steps were taken, empty if they were or were not asked for.
+    runs, failures: of the model. outliers: chains restarted. crossover: probability of each crossover value. weights
+    (N,): shares of conductance at r-hat. target_scale: factor on the targets; target_mean (N,), target_covariance
+    (N, N): scaled. prior_ranges (N, 2): of each multiplier, `PRIOR_SHARE`. fit_*: the resistances at which the model's
+    flows are shared as the targets are; fit_outside (N,): which of them lie outside the prior.
     """
 
     names: list[str]

@@ -151,7 +151,10 @@ def run_chains(
     if response is None and len(laws) and unknowns.tissue is None:
         response = ranks.run_on_first(lambda: respond(model, laws, fit.flows_at_r_hat))
         fit = replace(fit, runs=fit.runs + 2 * len(laws) + len(response.chosen))
-    posterior = Posterior(model, space, likelihood, ranks, response, total_known=not scaled)
+    # With `uncertainty: paper` the emulator is that of the published numbers.
+    posterior = Posterior(
+        model, space, likelihood, ranks, response, total_known=not scaled, steady=unknowns.tissue is not None
+    )
     if ranks.rank == 0:
         _warn_outside(space.outside(fit.multipliers), settings.prior, names)
     prepared = found.prepared if found else sampling.prepare(posterior, fit, settings, seed)

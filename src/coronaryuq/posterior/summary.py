@@ -136,8 +136,7 @@ def summarise(
 
 
 def _independence(chains: Chains, limit: float) -> IndependenceUse:
-    ratios = chains.log_weight[~np.isnan(chains.log_weight)]
-    k_hat, weights = pareto_smoothed(ratios) if chains.emulated else (np.nan, np.ones(1))
+    k_hat, weights = pareto_smoothed(chains.log_weight.reshape(-1)) if chains.emulated else (np.nan, np.ones(1))
     told = [chains.refused] if chains.refused else []
     if chains.emulated and not good_enough(k_hat, weights, limit):
         told.append(

@@ -18,12 +18,12 @@ file, which svZeroDSolver does not know. The file's own values are those at the 
 
 The posterior samples their standard normal coordinates with the multipliers of the beds, so that measured flows inform
 them. Entries of kind `effect` have several columns, see `zerod.effect_mixture`. To add a kind with one column per
-entry, write a subclass of `Kind` with `change`, and name it in `KINDS`; `spread`
+entry, write a subclass of `Kind`, and name it in `KINDS`; `spread`
 zero must leave the network unchanged to the bit.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -54,8 +54,12 @@ class Kind(ABC):
     distributions: ClassVar[tuple[str, ...]] = ("lognormal", "normal")
 
     @abstractmethod
-    def change(self, present: Any, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
-        """Return the target (n,) at values (n,) of the parameter; present: at its centre, a number or (n,)."""
+    def amount(self, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
+        """Return by how much targets of this coefficient change at values (n,) of the parameter."""
+
+    @abstractmethod
+    def change(self, present: Any, amount: np.ndarray) -> np.ndarray:
+        """Return the target (n,) changed by an amount (n,); present: at the parameter's centre, a number or (n,)."""
 
 
 class Factor(Kind):
@@ -63,15 +67,21 @@ class Factor(Kind):
 
     distributions = ("lognormal",)
 
-    def change(self, present: Any, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
-        return present * (value / centre) ** coefficient
+    def amount(self, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
+        return (value / centre) ** coefficient
+
+    def change(self, present: Any, amount: np.ndarray) -> np.ndarray:
+        return present * amount
 
 
 class Addition(Kind):
     """target + coefficient (value - centre)."""
 
-    def change(self, present: Any, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
-        return present + coefficient * (value - centre)
+    def amount(self, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
+        return coefficient * (value - centre)
+
+    def change(self, present: Any, amount: np.ndarray) -> np.ndarray:
+        return present + amount
 
 
 class LumenCoordinate(Kind):
@@ -79,7 +89,10 @@ class LumenCoordinate(Kind):
 
     distributions = ("normal",)
 
-    def change(self, present: Any, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
+    def amount(self, value: np.ndarray, centre: float, coefficient: float) -> np.ndarray:
+        raise TypeError("a coordinate of the lumen changes no target by itself")
+
+    def change(self, present: Any, amount: np.ndarray) -> np.ndarray:
         raise TypeError("a coordinate of the lumen changes no target by itself")
 
 
@@ -197,10 +210,11 @@ class Theta:
     def _own(self) -> dict[str, float]:
         return Model(self.network, self.file).parameters
 
-    def changes(self, theta: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def changes(self, theta: Mapping[str, np.ndarray], wanted: Container[str] | None = None) -> dict[str, np.ndarray]:
         """Return changes for `Engine.run_cycles` from columns (n,) of a table of θ.
 
         Absent beds have the multiplier 1, an absent `R_cor_scaling` is 1, absent parameters are at their centres.
+        wanted: the network's parameters that matter; others may then be as if they did not change.
         """
         given = set(self.laws.names)
         multipliers = {name: value for name, value in theta.items() if name != SCALING and name not in given}
@@ -208,10 +222,11 @@ class Theta:
         for one in self.parameters:
             if one.name not in theta:
                 continue
-            value = np.asarray(theta[one.name], dtype=float)
-            for target, coefficient in one.targets.items():
-                present = changes.get(target, self._own[target])
-                changes[target] = KINDS[one.kind].change(present, value, one.centre, coefficient)
+            value, kind = np.asarray(theta[one.name], dtype=float), KINDS[one.kind]
+            targets = {name: by for name, by in one.targets.items() if wanted is None or name in wanted}
+            amounts = {c: kind.amount(value, one.centre, c) for c in set(targets.values())}
+            for target, coefficient in targets.items():
+                changes[target] = kind.change(changes.get(target, self._own[target]), amounts[coefficient])
         if self.mixtures.mixtures:
             changes = self.mixtures.apply(changes, self._own, theta)
         if self.lumen is not None and any(name in theta for name in self.lumen.names):

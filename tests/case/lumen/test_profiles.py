@@ -99,3 +99,17 @@ def test_profiles_survive_a_network_file_to_the_bit_and_a_broken_one_is_refused(
     held[LUMEN]["profiles"]["LAD"].pop("radii")
     with pytest.raises(InputError, match="radii"):
         lumen_of(held, "network.json")
+
+
+def test_a_draw_does_not_depend_on_the_others_nor_a_vessel_on_those_beside_it():
+    tree, stenoses = random_tree(5)
+    network = built(tree, stenoses)
+    law = lumen_law(tree, stenoses, LumenError())
+    lumen = lumen_of(with_lumen(network, tree, vessels_along(tree, stenoses, network), law))
+    drawn = generator(1, "z").normal(size=(9, len(law.names)))
+    together = lumen.factors(dict(zip(law.names, drawn.T, strict=True)))
+    alone = lumen.factors(dict(zip(law.names, drawn[4:5].T, strict=True)))
+    assert all(np.array_equal(together[name][4:5], alone[name]) for name in together)
+    for block, profile in lumen.profiles.items():
+        for name, factor in profile.factors(dict(zip(law.names, drawn.T, strict=True))).items():
+            assert np.allclose(factor, together[f"{block}.{name}"], rtol=1e-13)

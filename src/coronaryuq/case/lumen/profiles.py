@@ -7,6 +7,8 @@ those at the coordinates' centre, zero: a network whose losses were tuned or lea
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from pydantic import BaseModel, ConfigDict
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.lumen.law import LumenLaw, VesselLaw
 from coronaryuq.case.lumen.throat_loss import throat_loss
-from coronaryuq.case.network.build import Segment, shape_integrals
+from coronaryuq.case.network.build import Segment, shape_integrands
 from coronaryuq.case.network.entrances import entrance_share
 from coronaryuq.case.network.network import LUMEN, UNCERTAIN, Network
 from coronaryuq.core.io.typed import checked
@@ -51,27 +53,14 @@ class Profile:
         at the throat and without the stenosis, its part for the entrance by the median radius along the vessel; a
         stenosis that takes no area has no coefficient to change. Absent coordinates are at their centre.
         """
-        drawn = np.ascontiguousarray(self.radii * np.exp(self.law.log_ratio(self.law.arc, z)))
-        return self._over(drawn, self.radii * np.exp(self.law.mean))
+        return _Together([self]).factors(z)[0]
 
     def centre(self) -> dict[str, float]:
         """Return element parameter → its value at the coordinates' centre over that of the segmented lumen."""
-        factors = self._over((self.radii * np.exp(self.law.mean))[None], self.radii)
+        (factors,) = _Together([self]).over((self.radii * np.exp(self.law.mean))[None], self.radii)
         return {name: float(factor[0]) for name, factor in factors.items()}
 
-    def _over(self, drawn: np.ndarray, other: np.ndarray) -> dict[str, np.ndarray]:
-        """Return element parameter → its value for radii (samples, n) over that for radii (n,), (samples,)."""
-        arc, factors = self.law.arc, {}
-        for name, new, old in zip(
-            ("R_poiseuille", "L", "C"), shape_integrals(drawn, arc), shape_integrals(other, arc), strict=True
-        ):
-            factors[name] = (new / old) ** (2 if name == "C" else 1)
-        if self.stenosis or self.entrance:
-            here = float(self._quadratic(other[None])[0])
-            factors["stenosis_coefficient"] = self._quadratic(drawn) / here if here > 0.0 else np.ones(len(drawn))
-        return factors
-
-    def _quadratic(self, radii: np.ndarray) -> np.ndarray:
+    def quadratic(self, radii: np.ndarray) -> np.ndarray:
         """Return what the stenosis coefficient is proportional to, (samples,) for radii (samples, n)."""
         total = np.zeros(len(radii))
         if self.stenosis:
@@ -80,6 +69,62 @@ class Profile:
         if self.entrance:
             total += self.entrance * (np.median(self.radii) / np.median(radii, axis=1)) ** 4
         return total
+
+
+class _Together:
+    """Profiles one after the other: a draw of all of them is a few operations on arrays, which samplers make often."""
+
+    def __init__(self, profiles: Sequence[Profile]):
+        self.profiles = profiles
+        ends = np.cumsum([0, *(len(profile.radii) for profile in profiles)]).tolist()
+        self.parts = [slice(*pair) for pair in pairwise(ends)]
+        self.first = np.array(ends[:-1])
+        arc = np.concatenate([profile.law.arc for profile in profiles])
+        self.radii = np.concatenate([profile.radii for profile in profiles])
+        self.mean = np.concatenate([profile.law.mean for profile in profiles])
+        # From the end of one to the start of the next is no length.
+        self.step = np.diff(arc)
+        self.step[self.first[1:] - 1] = 0.0
+        self.columns: dict[str, np.ndarray] = {}
+        for profile, part in zip(profiles, self.parts, strict=True):
+            for name, column in profile.law.columns.items():
+                self.columns.setdefault(name, np.zeros(len(arc)))[part] = column
+        self.reach: dict[str, slice] = {}
+        for name, column in self.columns.items():
+            nonzero = np.flatnonzero(column)
+            self.reach[name] = slice(nonzero[0], nonzero[-1] + 1) if len(nonzero) else slice(0)
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """Radii (n,) at the coordinates' centre, cm."""
+        return self.radii * np.exp(self.mean)
+
+    def factors(self, z: Mapping[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+        """Return `Profile.factors` of each."""
+        given = {name: np.asarray(z[name], float).reshape(-1, 1) for name in self.columns if name in z}
+        samples = max((len(values) for values in given.values()), default=1)
+        log_ratio = np.repeat(self.mean[None], samples, axis=0)
+        for name, values in given.items():
+            log_ratio[:, self.reach[name]] += values * self.columns[name][self.reach[name]]
+        return self.over(self.radii * np.exp(log_ratio), self.centre)
+
+    def over(self, drawn: np.ndarray, other: np.ndarray) -> list[dict[str, np.ndarray]]:
+        """Return element parameter → its value for radii (samples, n) over that for radii (n,), (samples,), of each."""
+        new, old = self._elements(drawn), self._elements(other[None])
+        found = []
+        for k, (profile, part) in enumerate(zip(self.profiles, self.parts, strict=True)):
+            factors = {name: new[name][:, k] / old[name][0, k] for name in new}
+            if profile.stenosis or profile.entrance:
+                here = float(profile.quadratic(other[None, part])[0])
+                changed = profile.quadratic(drawn[:, part]) if here > 0.0 else np.ones(len(drawn))
+                factors["stenosis_coefficient"] = changed / (here if here > 0.0 else 1.0)
+            found.append(factors)
+        return found
+
+    def _elements(self, radii: np.ndarray) -> dict[str, np.ndarray]:
+        """Return what R, L and C are proportional to, (samples, profiles) for radii (samples, n)."""
+        fourth, second, first = (np.add.reduceat(one, self.first, axis=1) for one in shape_integrands(radii, self.step))
+        return {"R_poiseuille": fourth, "L": second, "C": first**2}
 
 
 @dataclass(frozen=True)
@@ -105,11 +150,16 @@ class Lumen:
 
         Absent coordinates are at their centre.
         """
+        each = self._together.factors(z) if self.profiles else []
         return {
             f"{block}.{name}": factor
-            for block, profile in self.profiles.items()
-            for name, factor in profile.factors(z).items()
+            for block, factors in zip(self.profiles, each, strict=True)
+            for name, factor in factors.items()
         }
+
+    @cached_property
+    def _together(self) -> _Together:
+        return _Together(list(self.profiles.values()))
 
     def ratio(self, vessel: str, arc, z: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return true over segmented radius (samples, n) at arc lengths (n,) cm of a tree vessel.

@@ -172,11 +172,18 @@ def shape_integrals(radii: np.ndarray, arc: np.ndarray) -> tuple[np.ndarray, np.
 
     radii: (..., n) cm; arc: (n,) cm; results: (...).
     """
-    a, b, step = radii[..., :-1], radii[..., 1:], np.diff(arc)
-    fourth = step * (a**2 + a * b + b**2) / (3 * a**3 * b**3)
-    second = step / (a * b)
-    mean = np.sum(step * (a + b) / 2, axis=-1) / (arc[-1] - arc[0])
-    return fourth.sum(axis=-1), second.sum(axis=-1), mean
+    fourth, second, first = shape_integrands(radii, np.diff(arc))
+    return fourth.sum(axis=-1), second.sum(axis=-1), first.sum(axis=-1) / (arc[-1] - arc[0])
+
+
+def shape_integrands(radii: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return ∫ r⁻⁴ ds (cm⁻³), ∫ r⁻² ds (cm⁻¹) and ∫ r ds (cm²) of each interval, exact for radii linear in it.
+
+    radii: (..., n) cm; step: (n - 1,) cm; results: (..., n - 1).
+    """
+    a, b = radii[..., :-1], radii[..., 1:]
+    product = a * b
+    return step * (a**2 + product + b**2) / (3 * product**3), step / product, step * (a + b) / 2
 
 
 def elements(vessel: Vessel, physics: Physics) -> dict[str, float]:

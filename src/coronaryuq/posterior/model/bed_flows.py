@@ -1,6 +1,6 @@
 """Mean flow into each LV-perfusing bed, from the 0D engine."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.errors import InputError
+from coronaryuq.posterior.model.steady_tree import SteadyTree
 from coronaryuq.zerod.network.beds import distal_resistances, resistance_changes
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.read import read_network
@@ -72,12 +73,15 @@ class BedFlows:
                 )
         self.resistances = np.array([totals[bed] for bed in self.beds])
         self.weights = (1.0 / self.resistances) / np.sum(1.0 / self.resistances)
-        at_r_hat = self._run({}, None)
+        root = Topology(self.network).roots[0]
+        ahead = f"mean_pressure:{Topology(self.network).inlet(root)}"
+        at_r_hat = self._run({}, None, ahead)
         if not np.all(at_r_hat.ok):
             raise InputError(
                 network_json, None, None, f"the simulation fails ({at_r_hat.status[0]}); calibrate the network first"
             )
         self.start = at_r_hat.state[0]
+        self.tree = SteadyTree(self.network, network_json, self.beds, float(at_r_hat.values[ahead][0]))
 
     def flows(self, inputs: np.ndarray) -> np.ndarray:
         """Return mean flows (n, N) in mL/s, nan where a run failed.
@@ -85,14 +89,20 @@ class BedFlows:
         inputs (n, N) or (n, N + k): multipliers, `further` ones, and values of the network's uncertain parameters, else
         at their centres.
         """
-        columns = [*self.beds, *self.further, *self.theta.laws.names][: inputs.shape[1]]
-        changes = self.theta.changes(dict(zip(columns, inputs.T, strict=True)))
-        result = self._run(changes, self.start)
+        result = self._run(self._changes(inputs), self.start)
         flows = np.stack([result.values[name] for name in self.quantities], axis=1)
         return np.where(result.ok[:, None], flows, np.nan)
 
-    def _run(self, changes: dict[str, np.ndarray], start: np.ndarray | None) -> Result:
+    def steady(self, inputs: np.ndarray) -> np.ndarray:
+        """Return the flows (n, N) of the `SteadyTree` for the inputs of `flows`."""
+        return self.tree.flows(self._changes(inputs, self.tree.places))
+
+    def _changes(self, inputs: np.ndarray, wanted: Container[str] | None = None) -> dict[str, np.ndarray]:
+        columns = [*self.beds, *self.further, *self.theta.laws.names][: inputs.shape[1]]
+        return self.theta.changes(dict(zip(columns, inputs.T, strict=True)), wanted)
+
+    def _run(self, changes: dict[str, np.ndarray], start: np.ndarray | None, *more: str) -> Result:
         return self.engine.run_to_periodic(
-            changes, quantities=self.quantities, periodicity=Periodicity(self.tolerance),
+            changes, quantities=[*self.quantities, *more], periodicity=Periodicity(self.tolerance),
             steps_per_cycle=self.steps_per_cycle, start=start, threads=self.threads,
         )  # fmt: skip

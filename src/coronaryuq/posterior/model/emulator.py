@@ -1,4 +1,8 @@
-"""Emulator of outlet flows: the residual after 1 / resistance is smooth, and a quadratic fits it."""
+"""Emulator of outlet flows: what is left of them after a reference is smooth, and a polynomial fits it.
+
+The reference of `uncertainty: full` is the steady flow through the trees, and what is left is affine to a per cent.
+Otherwise it is 1 / resistance, and what is left a quadratic.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,9 +12,11 @@ from scipy.special import gammaln
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.core.jit import njit
+from coronaryuq.posterior.model.flow_model import Inverse, Posterior
 from coronaryuq.posterior.model.likelihood import Likelihood
 from coronaryuq.posterior.model.linearised import Linearised, Space
 from coronaryuq.posterior.model.tissue import PerGram
+from coronaryuq.posterior.model.total_resistance import Rescaled
 
 SHARE = 0.1
 """Mass of the defensive component over that of the emulated posterior."""
@@ -21,11 +27,11 @@ FREEDOM = 5.0
 
 @dataclass(frozen=True)
 class Emulator:
-    """log(f_i m_i), the logarithm of bed i's driving pressure up to a constant, as a quadratic in the coordinates y.
+    """log(f_i s_i), 1 / s_i the reference of bed i's flow, as an affine or quadratic function of the coordinates y.
 
-    coefficients (features, N): of 1, z_a and z_a z_b (a <= b), z = (y - centre) / scale. `error`: root mean square
-    error of log f held out, per outlet, by ten-fold cross-validation. about (d,), factor (d, d), height: of the
-    defensive component, see `defended`: its centre, the Cholesky factor of its precision, and the logarithm of its
+    coefficients (features, N): of 1, z_a and, of a quadratic, z_a z_b (a <= b), z = (y - centre) / scale. `error`: root
+    mean square error of log f held out, per outlet, by ten-fold cross-validation. about (d,), factor (d, d), height: of
+    the defensive component, see `defended`: its centre, the Cholesky factor of its precision, and the logarithm of its
     density at the centre; minus infinity without one.
     """
 
@@ -38,12 +44,12 @@ class Emulator:
     height: float = -np.inf
 
     @classmethod
-    def fit(cls, y: np.ndarray, multipliers: np.ndarray, flows: np.ndarray) -> "Emulator":
-        """Least squares on runs of the model: y (n, d), multipliers and flows (n, N)."""
+    def fit(cls, y: np.ndarray, inverse: np.ndarray, flows: np.ndarray, quadratic: bool = True) -> "Emulator":
+        """Least squares on runs of the model: y (n, d), inverse of the reference and flows (n, N)."""
         centre, scale = y.mean(axis=0), y.std(axis=0)
         scale = np.where(scale > 0, scale, 1.0)
-        features = _features((y - centre) / scale)
-        response = np.log(flows * multipliers)
+        features = _features((y - centre) / scale, quadratic)
+        response = np.log(flows * inverse)
         fold = np.arange(len(y)) % 10
         residual = np.empty_like(response)
         with threadpool_limits(1):
@@ -56,13 +62,17 @@ class Emulator:
         return cls(centre, scale, coefficients, error, np.zeros(d), np.eye(d))
 
     @classmethod
-    def of_runs(
-        cls, space: Space, likelihood: Likelihood, linearised: Linearised, y: np.ndarray, flows: np.ndarray
-    ) -> "Emulator":
+    def of_runs(cls, posterior: Posterior, linearised: Linearised, y: np.ndarray, flows: np.ndarray) -> "Emulator":
         """Fit to runs of the model, flows (n, N) at coordinates y (n, d), and defend."""
-        return cls.fit(space.stepped(y), space.multipliers(y), flows).defended(linearised, space, likelihood)
+        space, steady = posterior.space, posterior.inverse_steady
+        assert not isinstance(space, Rescaled)  # its states have no emulator
+        inverse = space.multipliers(y) if steady is None else steady(y)
+        fitted = cls.fit(space.stepped(y), inverse, flows, quadratic=steady is None)
+        return fitted.defended(linearised, space, posterior.likelihood, steady)
 
-    def defended(self, linearised: Linearised, space: Space, likelihood: Likelihood) -> "Emulator":
+    def defended(
+        self, linearised: Linearised, space: Space, likelihood: Likelihood, steady: Inverse | None = None
+    ) -> "Emulator":
         """Return the emulator whose posterior q is a mixture with a Student t about the linearised posterior.
 
         A chain whose proposals follow q stays about p / q draws where the model's posterior p exceeds q, and its
@@ -75,32 +85,41 @@ class Emulator:
         centre as it and as wide as the linearised one.
         """
         d = len(linearised.centre)
-        top = float(self.screen(space, likelihood)(linearised.centre[None])[0])
+        top = float(self.screen(space, likelihood, steady)(linearised.centre[None])[0])
         # The density of a t at its centre over that of the Gaussian.
         lower = gammaln(0.5 * (FREEDOM + d)) - gammaln(0.5 * FREEDOM) + 0.5 * d * np.log(2.0 / FREEDOM)
         height = top + float(lower) + np.log(SHARE)
         return replace(self, about=linearised.centre, factor=linearised.factor, height=float(height))
 
-    def flows(self, y: np.ndarray, multipliers: np.ndarray) -> np.ndarray:
-        """Emulated flows (n, N)."""
-        return np.exp(_features((y - self.centre) / self.scale) @ self.coefficients) / multipliers
+    def flows(self, y: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+        """Emulated flows (n, N), for the inverse of the reference (n, N)."""
+        features = _features((y - self.centre) / self.scale, quadratic=len(self.coefficients) > 1 + y.shape[1])
+        return np.exp(features @ self.coefficients) / inverse
 
-    def screen(self, space: Space, likelihood: Likelihood) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the emulated log posterior (n,) as a function of x (n, d), up to the constant of `Posterior`."""
+    def screen(
+        self, space: Space, likelihood: Likelihood, steady: Inverse | None = None
+    ) -> Callable[[np.ndarray], np.ndarray]:
+        """Return the emulated log posterior (n,) as a function of x (n, d), up to the constant of `Posterior`.
+
+        steady: `Posterior.inverse_steady`.
+        """
         stepped = space.stepped
         fixed = (self.centre, self.scale, np.ascontiguousarray(self.coefficients.T), likelihood.mean,
                  likelihood.whitening, likelihood.log_constant, self.about, self.factor, self.height)  # fmt: skip
         if isinstance(space, PerGram):
-            prior = (np.ascontiguousarray(space.centre), np.ascontiguousarray(space.root))
-            return lambda x: _per_gram(np.ascontiguousarray(x), np.ascontiguousarray(stepped(x)), *prior, *fixed)
+            inverse = space.multipliers if steady is None else steady
+            return lambda x: _per_gram(np.ascontiguousarray(x), np.ascontiguousarray(stepped(x)), inverse(x), *fixed)
+        assert steady is None
         bounded = (space.basis, *space.prior)
         return lambda y: _conditioned(np.ascontiguousarray(y), np.ascontiguousarray(stepped(y)), *bounded, *fixed)
 
 
-def _features(z: np.ndarray) -> np.ndarray:
-    d = z.shape[1]
-    a, b = np.triu_indices(d)
-    return np.concatenate([np.ones((len(z), 1)), z, z[:, a] * z[:, b]], axis=1)
+def _features(z: np.ndarray, quadratic: bool) -> np.ndarray:
+    columns = [np.ones((len(z), 1)), z]
+    if quadratic:
+        a, b = np.triu_indices(z.shape[1])
+        columns.append(z[:, a] * z[:, b])
+    return np.concatenate(columns, axis=1)
 
 
 @njit(cache=True)
@@ -135,11 +154,11 @@ def _conditioned(y, smooth, basis, low, high, centre, scale, coefficients, mean,
 
 
 @njit(cache=True)
-def _per_gram(x, smooth, middle, root, centre, scale, coefficients, mean, whitening, constant,
+def _per_gram(x, smooth, inverse, centre, scale, coefficients, mean, whitening, constant,
               about, factor, height):  # fmt: skip
     """Return the log posterior (n,) in the coordinates of `PerGram`, with a `RelativeLikelihood`."""
     n, d = x.shape
-    outlets = len(middle)
+    outlets = inverse.shape[1]
     result = np.empty(n)
     relative, residual, z = np.empty(outlets), np.empty(outlets), np.empty(d)
     for row in range(n):
@@ -147,10 +166,7 @@ def _per_gram(x, smooth, middle, root, centre, scale, coefficients, mean, whiten
         for a in range(d):
             prior -= 0.5 * x[row, a] ** 2
         for i in range(outlets):
-            log_multiplier = middle[i]
-            for a in range(i + 1):
-                log_multiplier += root[i, a] * x[row, a]
-            relative[i] = np.exp(-log_multiplier)
+            relative[i] = 1.0 / inverse[row, i]
         _emulate(smooth[row], relative, centre, scale, coefficients, z, residual)
         for i in range(outlets):
             prior -= np.log(residual[i])
@@ -162,8 +178,9 @@ def _per_gram(x, smooth, middle, root, centre, scale, coefficients, mean, whiten
 
 @njit(cache=True)
 def _emulate(smooth, relative, centre, scale, coefficients, z, flows):
-    """Write the emulated flows; relative: inverse multipliers."""
+    """Write the emulated flows; relative: to what, up to a constant."""
     d = len(z)
+    quadratic = coefficients.shape[1] > 1 + d
     for a in range(d):
         z[a] = (smooth[a] - centre[a]) / scale[a]
     for i in range(len(relative)):
@@ -171,9 +188,10 @@ def _emulate(smooth, relative, centre, scale, coefficients, z, flows):
         place = 1 + d
         for a in range(d):
             inner = coefficients[i, 1 + a]
-            for b in range(a, d):
-                inner += coefficients[i, place] * z[b]
-                place += 1
+            if quadratic:
+                for b in range(a, d):
+                    inner += coefficients[i, place] * z[b]
+                    place += 1
             value += inner * z[a]
         flows[i] = np.exp(value) * relative[i]
 

@@ -1,7 +1,8 @@
 """From multipliers of r-hat and uncertain parameters to mean outlet flows, and the posterior's density on that."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -22,6 +23,19 @@ class FlowModel(Protocol):
         they are at their centres. With the prior per gram, a common factor on all beds lies between (n, N + 1 + k).
         """
         ...
+
+
+@runtime_checkable
+class WithSteadyFlows(FlowModel, Protocol):
+    """A model of flows that knows nearly what they are."""
+
+    def steady(self, inputs: np.ndarray) -> np.ndarray:
+        """Return flows (n, N) that cost next to nothing; those of `flows` are them times what varies little."""
+        ...
+
+
+Inverse = Callable[[np.ndarray], np.ndarray]
+"""One over some flows (n, N), as a function of coordinates (n, d)."""
 
 
 @dataclass(frozen=True)
@@ -93,21 +107,33 @@ class Posterior:
     response: of the model to its uncertain parameters, None without any. total_known: whether the total of the targets
     is a measurement. If not, they are scaled to the model's total at r-hat, which depends on the parameters: flows are
     then given in the unit of the targets, divided by that total over the one at z = 0, so that shares of flow inform
-    the parameters, and its total does not.
+    the parameters, and its total does not. steady: whether emulators start from the model's steady flows, if it has
+    any.
     """
 
     def __init__(
         self, model: FlowModel, space: Conditioned | Rescaled | PerGram, likelihood: Likelihood,
-        ranks: Ranks | None = None, response: Response | None = None, total_known: bool = False,
+        ranks: Ranks | None = None, response: Response | None = None, total_known: bool = False, steady: bool = False,
     ):  # fmt: skip
         self.model, self.space, self.likelihood, self.response = model, space, likelihood, response
         self.total_known = total_known
+        self.nearly = model.steady if steady and isinstance(model, WithSteadyFlows) else None
         self.ranks = ranks if ranks is not None else Ranks()
         self.failures = 0
 
     def flows(self, x: np.ndarray) -> np.ndarray:
         """Flows (n, N) in the unit of the targets at coordinates x (n, d), computed by all ranks together."""
-        flows = self.ranks.map_rows(self.model.flows, self.space.inputs(x))
+        return self._in_unit_of_targets(self.ranks.map_rows(self.model.flows, self.space.inputs(x)), x)
+
+    @property
+    def inverse_steady(self) -> Inverse | None:
+        """One over the model's steady flows, in the unit of `flows`; None without any."""
+        nearly = self.nearly
+        if nearly is None:
+            return None
+        return lambda x: 1.0 / self._in_unit_of_targets(nearly(self.space.inputs(x)), x)
+
+    def _in_unit_of_targets(self, flows: np.ndarray, x: np.ndarray) -> np.ndarray:
         if self.response is None or self.total_known:
             return flows
         return flows / np.exp(self.response.log_total(self.space.laws.stepped(self.space.standard(x))))[:, None]

@@ -64,6 +64,6 @@ class Linearised:
         return np.array(points)
 
 
-def design_size(dimension: int) -> int:
-    """Twice the number of an emulator's coefficients."""
-    return (dimension + 1) * (dimension + 2)
+def design_size(dimension: int, quadratic: bool = True) -> int:
+    """Return twice the number of an emulator's coefficients."""
+    return (dimension + 1) * (dimension + 2) if quadratic else 2 * (dimension + 1)

@@ -40,7 +40,8 @@ def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> P
     if not settings.emulator.use or isinstance(space, Rescaled):
         start, log_density, flows = _alive(posterior, lambda count: space.draw(random, count), chains)
         return Prepared(fit, None, start, log_density, flows, fit.runs + chains)
-    count = max(settings.emulator.design or design_size(space.dimension), chains)
+    size = design_size(space.dimension, quadratic=posterior.inverse_steady is None)
+    count = max(settings.emulator.design or size, chains)
     if isinstance(space, PerGram):
         found = most_probable(posterior, space.coordinates(fit.multipliers[None])[0])
         linearised = Linearised.at(space, likelihood, found.x, found.flows, found.slope)
@@ -50,7 +51,7 @@ def _prepare(posterior: Posterior, fit: Fit, settings: Settings, seed: int) -> P
     y, log_density, flows = _alive(posterior, lambda n: linearised.design(space, n, random), count)
     prepared = Prepared(fit, None, y[:chains], log_density[:chains], flows[:chains], fit.runs + count)
     if not settings.independence.use:
-        emulator = posterior.ranks.run_on_first(lambda: Emulator.of_runs(space, likelihood, linearised, y, flows))
+        emulator = posterior.ranks.run_on_first(lambda: Emulator.of_runs(posterior, linearised, y, flows))
         return replace(prepared, emulator=emulator)
     pilot = try_emulator(posterior, linearised, y, flows, settings, seed)
     prepared = replace(
@@ -86,7 +87,7 @@ def sampler(posterior: Posterior, prepared: Prepared, settings: Settings, seed: 
     """
     space, screen = posterior.space, None
     if prepared.emulator is not None and not isinstance(space, Rescaled):
-        screen = prepared.emulator.screen(space, posterior.likelihood)
+        screen = prepared.emulator.screen(space, posterior.likelihood, posterior.inverse_steady)
         if prepared.walk is not None:
             return Independence(posterior, screen, prepared.walk, settings, seed, length)
     return Dream(

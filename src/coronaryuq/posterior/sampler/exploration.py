@@ -51,9 +51,9 @@ class Steps:
     root: np.ndarray
 
     def walk(
-        self, target: Map, x: np.ndarray, count: int, random: np.random.Generator, apart: int = 0, longest: float = 1.0
+        self, target: Map, x: np.ndarray, count: int, random: np.random.Generator, apart: int = 0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Make `count` steps on a target from `x` (n, d), with b up to `longest`.
+        """Make `count` steps on a target from `x` (n, d).
 
         Returns where they end (n, d), the target's log density there (n,), the number of accepted steps (n,) and, if
         `apart` is not zero, every so many states (m, n, d).
@@ -64,7 +64,7 @@ class Steps:
             u = np.linalg.solve(self.root, (x - self.centre).T).T
             distance = np.sum(u**2, axis=1)
             for step in range(count):
-                b = longest * random.uniform(size=(n, 1))
+                b = random.uniform(size=(n, 1))
                 g = random.gamma(0.5 * (FREEDOM + d), size=n) / (0.5 * (FREEDOM + distance))
                 v = np.sqrt(1.0 - b**2) * u + b * random.standard_normal((n, d)) / np.sqrt(g)[:, None]
                 moved = self.centre + v @ self.root.T
@@ -86,15 +86,13 @@ class Walk:
     """How chains move on the emulator.
 
     centre (d,), root (d, d): of the steps. generations: steps after which a chain has forgotten where it was. draws
-    (m, d): of the emulator, nearly independent. local: whether every other draw of a chain stays near, see
-    `Independence`.
+    (m, d): of the emulator, nearly independent.
     """
 
     centre: np.ndarray
     root: np.ndarray
     generations: int
     draws: np.ndarray
-    local: bool = False
 
     @property
     def steps(self) -> Steps:

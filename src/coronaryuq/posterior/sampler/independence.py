@@ -1,6 +1,6 @@
 """Independence steps: proposals that end a walk on the emulator long enough to forget where it began."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -20,12 +20,6 @@ BURN_IN = 5
 
 PILOT = 10
 """Pilot runs per chain."""
-
-LOCAL_STEPS, LOCAL = 5, 0.3
-"""Steps of a draw that stays near, and the largest b of each."""
-
-EVEN = 2.0
-"""Largest importance weight over the mean up to which chains need no draws that stay near."""
 
 REFINED, ATTEMPTS = 3, 5
 """Emulators, each fitted to all runs made so far, that are tried before the limit of k decides, and at most."""
@@ -56,15 +50,11 @@ class Independence(Dream):
     chains move independently, all at once, and nothing adapts. The walk is reversible with respect to q, so that every
     draw leaves p invariant, however short the walk and however poor q. A walk that forgets x proposes an independent
     draw of q, and if q is near p, the effective size is near the number of draws.
-
-    Where p exceeds q by far, a chain stays for as many draws. So unless the largest weight of the pilot is below
-    `EVEN`, every other draw is a walk of a few short steps: p / q is about as large where it ends, and such a move is
-    accepted. Which draws are short does not depend on the state, so that each of them leaves p invariant.
     """
 
     def __init__(self, target: Target, screen: Map, walk: Walk, settings: Settings, seed: int, length: int = 1):
         super().__init__(target, settings.dream, seed, screen=screen, every=walk.generations)
-        self.emulator, self.steps, self.local, self.burn_in = screen, walk.steps, walk.local, BURN_IN
+        self.emulator, self.steps, self.burn_in = screen, walk.steps, BURN_IN
         self.decisions = BURN_IN + length * (settings.independence.draws - BURN_IN)
 
     def advance(self, state: State) -> None:
@@ -72,15 +62,11 @@ class Independence(Dream):
         draw = int(state.generation) // self.every
         random = generator(self.seed, "independence", "draw", draw)
         self._count_from_here(state, draw)
-        here, near = self.emulator(state.position), self.local and draw % 2 == 1
-        count, longest = (LOCAL_STEPS, LOCAL) if near else (self.every, 1.0)
-        after, there, accepted, _ = self.steps.walk(self.emulator, state.position, count, random, longest=longest)
+        here = self.emulator(state.position)
+        after, there, accepted, _ = self.steps.walk(self.emulator, state.position, self.every, random)
         state.screen_accepted += accepted
         self._decide(state, np.arange(len(after)), after, here, there, accepted > 0, random)
-        if near:
-            state.log_weight[:] = np.nan
         self._decided(state)
-        state.screen_proposed = state.screen_proposed - self.every + count
 
 
 def try_emulator(
@@ -92,12 +78,12 @@ def try_emulator(
     design, coordinates `y` (n, d) with `flows` (n, N), had too few. A pilot costs little beside the chains: unless no
     ratio is twice their mean, `REFINED` emulators are tried, and up to `ATTEMPTS` while k is above its limit.
     """
-    dream, ranks, space, likelihood = settings.dream, posterior.ranks, posterior.space, posterior.likelihood
+    dream, ranks, space = settings.dream, posterior.ranks, posterior.space
     assert not isinstance(space, Rescaled)  # its states have no emulator
     start, made, k_hat, refused = y[: dream.chains], 0, np.nan, ""
     for attempt in range(ATTEMPTS):
-        emulator = ranks.run_on_first(partial(Emulator.of_runs, space, likelihood, linearised, y, flows))
-        screen = emulator.screen(space, likelihood)
+        emulator = ranks.run_on_first(partial(Emulator.of_runs, posterior, linearised, y, flows))
+        screen = emulator.screen(space, posterior.likelihood, posterior.inverse_steady)
         walk, rhat = ranks.run_on_first(partial(explore, screen, start, linearised, dream, seed))
         if not rhat < EXPLORED:
             refused = f"R-hat of chains on the emulator is {rhat:.3f}, should be below {EXPLORED}"
@@ -110,7 +96,6 @@ def try_emulator(
         k_hat, weights = pareto_smoothed(log_density - screen(points))
         if good_enough(k_hat, weights, settings.independence.k_limit if attempt >= REFINED - 1 else -np.inf):
             chosen = random.choice(count, size=dream.chains, p=weights)
-            walk = replace(walk, local=bool(np.max(weights) * count >= EVEN))
             return Pilot(emulator, walk, made, k_hat, "", (points[chosen], log_density[chosen], at_points[chosen]))
         refused = (
             f"Pareto k of the last {count} of {made} runs at draws of the emulator is {k_hat:.2f}, "
