@@ -45,10 +45,9 @@ def network_of(anatomy, outlets, error):
     return with_lumen(plain, tree, segments(tree, stenoses), law), law
 
 
-def with_parameters(network, outlets, errors):
-    return Theta(
-        Network(network | {UNCERTAIN: [*network[UNCERTAIN], *unmeasured_parameters(outlets, network, errors)]})
-    )
+def with_parameters(network, outlets, errors, exponent=MURRAY_EXPONENT):
+    entries = unmeasured_parameters(outlets, network, errors, exponent)
+    return Theta(Network(network | {UNCERTAIN: [*network[UNCERTAIN], *entries]}))
 
 
 def conductance(theta, values, outlets):
@@ -72,9 +71,10 @@ def drawn_shares(anatomy, law, outlets, z, exponent):
     }
 
 
-def test_conductance_beside_the_measured_beds_follows_murrays_law_on_the_drawn_lumen(anatomy, outlets):
+@pytest.mark.parametrize("exponent", [MURRAY_EXPONENT, 3.0])
+def test_conductance_beside_the_measured_beds_follows_murrays_law_on_the_drawn_lumen(anatomy, outlets, exponent):
     network, law = network_of(anatomy, outlets, LumenError(local_sd=0.05, common_sd=0.05))
-    theta = with_parameters(network, outlets, ALONE)
+    theta = with_parameters(network, outlets, ALONE, exponent)
     random = generator(1, "lumens")
     z = {name: random.standard_normal(200) for name in law.names}
     laws = theta.laws
@@ -83,8 +83,8 @@ def test_conductance_beside_the_measured_beds_follows_murrays_law_on_the_drawn_l
         coordinates[:, laws.names.index(name)] = value
     values = dict(zip(laws.names, laws.values(coordinates).T, strict=True))
     found = conductance(theta, values, outlets)
-    wanted = drawn_shares(anatomy, law, outlets, z, MURRAY_EXPONENT)
-    median = drawn_shares(anatomy, law, outlets, {name: np.zeros(1) for name in law.names}, MURRAY_EXPONENT)
+    wanted = drawn_shares(anatomy, law, outlets, z, exponent)
+    median = drawn_shares(anatomy, law, outlets, {name: np.zeros(1) for name in law.names}, exponent)
     assert "RCA" in wanted
     for artery, share in wanted.items():
         bed = next(o.bc for o in outlets if o.branch == artery and o.perfuses != "LV")

@@ -8,6 +8,7 @@ import pytest
 import pyvista as pv
 
 from coronaryuq.case.anatomy.tree import read_tree
+from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import closed_loop_tree
 from coronaryuq.case.network.units import rescaled
@@ -228,3 +229,8 @@ def test_a_network_with_a_dangling_vessel_is_refused(shared, tmp_path):
     network["junctions"][3]["outlet_vessels"].pop()
     (tmp_path / "network.json").write_text(json.dumps(network))
     assert "vessel branch19_seg0: nothing feeds it" in check_case(path)[0][0]
+
+
+def test_the_exponent_of_murrays_law_reaches_the_later_stages(small_tree, tmp_path):
+    prepare_case(write_case(tmp_path, small_tree), Settings(murray_exponent=3.0), tmp_path / "case")
+    assert read_case(tmp_path / "case/case.json").murray_exponent == 3.0

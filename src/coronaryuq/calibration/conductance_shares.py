@@ -5,19 +5,23 @@ from collections.abc import Mapping, Sequence
 from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.network.build import murray_shares
 from coronaryuq.case.network.network import Network
+from coronaryuq.case.settings import MURRAY_EXPONENT
 
 RESISTANCES = ("Ra", "Ram", "Rv")
 COMPLIANCES = ("Ca", "Cim")
 
 
-def shares(outlets: Sequence[CaseOutlet], radii: Sequence[float], flows: Mapping[str, float]) -> dict[str, float]:
+def shares(
+    outlets: Sequence[CaseOutlet], radii: Sequence[float], flows: Mapping[str, float],
+    exponent: float = MURRAY_EXPONENT,
+) -> dict[str, float]:  # fmt: skip
     """Return each bed's fraction of total coronary conductance (boundary condition → fraction, sum 1).
 
     `outlets` as in `case.json`; `radii`: theirs, cm; `flows`: perfusion's mean flow of every bed that perfuses the left
-    ventricle. Murray's law over all outlets gives the fraction of all LV-perfusing beds together, which is divided
-    among them in proportion to their flows.
+    ventricle. Murray's law over all outlets, with `exponent`, gives the fraction of all LV-perfusing beds together,
+    which is divided among them in proportion to their flows.
     """
-    by_radius = murray_shares(radii)
+    by_radius = murray_shares(radii, exponent)
     total = sum(flows.values())
     left_ventricle = sum(share for outlet, share in zip(outlets, by_radius, strict=True) if outlet.perfuses == "LV")
     return {

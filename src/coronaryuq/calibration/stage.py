@@ -62,11 +62,11 @@ def tune(
     flows = _flows(case, network, perfusion, targets_json)
     met = settings.hyperaemic_total
     hyperaemic = HyperaemicTarget(sum(flows.values()), tuple(flows), case.hyperaemia) if met else None
-    wanted = shares(case.outlets, median_radii(case.outlets, network), flows)
+    wanted = shares(case.outlets, median_radii(case.outlets, network), flows, case.murray_exponent)
     goal = Goal(targets, case.hyperaemia, wanted, hyperaemic, case.errors)
     tuned = tune_loop(network, goal, settings, seed, threads, report)
     if case.errors is not None:
-        further = unmeasured_parameters(case.outlets, tuned.hyperaemia, case.errors)
+        further = unmeasured_parameters(case.outlets, tuned.hyperaemia, case.errors, case.murray_exponent)
         tuned.hyperaemia[UNCERTAIN] = [*tuned.hyperaemia.get(UNCERTAIN, []), *further]
     _write(tuned, out_dir)
 

@@ -32,7 +32,7 @@ def median_radii(outlets: Sequence[CaseOutlet], network: Network) -> list[float]
 
 
 def unmeasured_parameters(
-    outlets: Sequence[CaseOutlet], network: Network, errors: RoutineErrors
+    outlets: Sequence[CaseOutlet], network: Network, errors: RoutineErrors, exponent: float = MURRAY_EXPONENT
 ) -> list[dict[str, Any]]:
     """Return what is assumed of the beds without measured flow as entries of `uncertain_parameters`.
 
@@ -48,13 +48,15 @@ def unmeasured_parameters(
         Its beds, and its part `lumen` if the lumen is uncertain.
     errors
         `murray_exponent`, `microvascular` and `microvascular_correlation` are used.
+    exponent
+        Of Murray's law, at its centre.
     """
     unmeasured = [outlet for outlet in outlets if outlet.perfuses != "LV"]
     if not unmeasured:
         return []
     known, lumen = beds(network), lumen_of(network)
     radius = dict(zip((outlet.bc for outlet in outlets), median_radii(outlets, network), strict=True))
-    measured = _Group([outlet for outlet in outlets if outlet.perfuses == "LV"], radius, lumen)
+    measured = _Group([outlet for outlet in outlets if outlet.perfuses == "LV"], radius, lumen, exponent)
     entries: list[dict[str, Any]] = []
     if errors.murray_exponent > 0.0:
         logs = {outlet.bc: float(np.log(radius[outlet.bc])) for outlet in unmeasured}
@@ -67,13 +69,13 @@ def unmeasured_parameters(
             | {"meaning": "e to the change of Murray's exponent of unmeasured outlets"}
         )
     for artery in dict.fromkeys(outlet.branch for outlet in unmeasured):
-        own = _Group([outlet for outlet in unmeasured if outlet.branch == artery], radius, lumen)
+        own = _Group([outlet for outlet in unmeasured if outlet.branch == artery], radius, lumen, exponent)
         correlation = errors.microvascular_correlation
         spread = errors.microvascular * np.sqrt(correlation + (1.0 - correlation) * own.concentration)
         moved = {
             name: own.errors.get(name, 0.0) - measured.errors.get(name, 0.0) for name in own.errors | measured.errors
         }
-        loadings = {name: -MURRAY_EXPONENT * value for name, value in moved.items() if abs(value) > LEAST}
+        loadings = {name: -exponent * value for name, value in moved.items() if abs(value) > LEAST}
         if spread == 0.0 and not loadings:
             continue
         targets = {f"{bed}.{key}": 1.0 for bed in own.names for key in known[bed].resistances}
@@ -98,10 +100,12 @@ class _Group:
     equal outlets.
     """
 
-    def __init__(self, outlets: Sequence[CaseOutlet], radius: Mapping[str, float], lumen: Lumen | None):
+    def __init__(
+        self, outlets: Sequence[CaseOutlet], radius: Mapping[str, float], lumen: Lumen | None, exponent: float
+    ):
         self.names = [outlet.bc for outlet in outlets]
         radii = np.array([radius[name] for name in self.names])
-        weight = radii**MURRAY_EXPONENT / np.sum(radii**MURRAY_EXPONENT)
+        weight = radii**exponent / np.sum(radii**exponent)
         self.log_radius = float(weight @ np.log(radii))
         self.concentration = float(weight @ weight)
         self.errors: dict[str, float] = {}

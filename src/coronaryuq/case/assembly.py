@@ -153,7 +153,7 @@ def assemble(
     elif description.territory_flows is not None:
         lv = {row.name: row.bc for row in rows if row.perfuses == "LV"}
         flows = read_territory_flows(path, description.territory_flows, lv, description.tissue_density)
-        by_radius = murray_shares([outlet.radius for outlet in outlets]).tolist()
+        by_radius = murray_shares([outlet.radius for outlet in outlets], settings.murray_exponent).tolist()
         shares = dict(zip([outlet.name for outlet in outlets], by_radius, strict=True))
         wall = wall_of_territories(outlets, flows, description.tissue_density, shares)
     notes += outlet_notes(wall, outlets, description.tissue_density)
@@ -167,6 +167,7 @@ def assemble(
         haematocrit=description.haematocrit,
         hyperaemia=description.hyperaemia,
         tissue_density=description.tissue_density,
+        murray_exponent=settings.murray_exponent,
         schematic=anatomy is None,
         anatomy=None if anatomy is None else AnatomySource(kind=anatomy.kind, unit=anatomy.unit),
         aorta=Aorta(pressure=topology.inlet(topology.roots[0]), made=any(vessel.made for vessel in tree)),

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from coronaryuq.case.description.routine import RoutineErrors
+from coronaryuq.case.settings import MURRAY_EXPONENT
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.typed import checked
 
@@ -122,6 +123,7 @@ class CaseSummary(_Part):
     haematocrit: float | None
     hyperaemia: Positive
     tissue_density: Positive
+    murray_exponent: Positive = MURRAY_EXPONENT
     schematic: bool
     anatomy: AnatomySource | None
     aorta: Aorta
