@@ -34,6 +34,19 @@ def test_a_case_that_fails_is_counted_and_the_rest_is_scored():
     assert summary([{"effect": "a", "seed": 2, "failed": "none runs"}])["failed"] == 1
 
 
+def test_predictions_are_compared_case_by_case_with_those_of_the_truth_and_those_before():
+    """Equal to the truth; off by more, but by little; off by much; not named right, and worse than before."""
+
+    def case(before, after, truth, right=True):
+        errors = {"before": before, "after": after, "truth": truth}
+        scored = {when: {"truth": [0.8], "error": [error], "inside": [True]} for when, error in errors.items()}
+        return {"named_right": right} | {when: {"ffr": one, "flow": one} for when, one in scored.items()}
+
+    cases = [case(0.2, -0.021, 0.02), case(0.2, 0.014, 0.01), case(0.2, 0.09, -0.05), case(0.02, 0.03, 0.01, False)]
+    found = summary(cases)
+    assert (found["named_right"], found["as_truth"], found["as_truth_or_small"], found["worse"]) == (3, 1, 2, 1)
+
+
 @pytest.mark.slow
 def test_a_killed_run_of_predictions_goes_on(tmp_path, monkeypatch):
     write_network(tmp_path / "loop.json", loop())

@@ -51,6 +51,8 @@ TUNING = 8
 LEVEL = (0.05, 0.95)
 MOST_FAILED = 0.05
 """Share of draws that may fail; a campaign leaves them out, too, and says so."""
+TENTH, NEGLIGIBLE = 0.1, 0.005
+"""Relative and absolute difference of two errors of FFR below which the predictions are equally good."""
 CERTAIN = 1e-6
 """Variance with which a known size enters, in standard deviations of its prior squared."""
 STRESS = "hyperaemia"
@@ -80,7 +82,9 @@ def summary(cases: Sequence[dict[str, Any]]) -> dict[str, Any]:
         `cases`: number. `failed`: how many of them failed; the rest counts those that did not. `named_right`: how many.
         `ffr_error_WHEN`, `flow_error_WHEN`: root mean squares of the median's error, of FFR absolute, of bed flows
         relative; `coverage_90_WHEN` and `flow_coverage_90_WHEN`: share of true values within the 90 % range; WHEN:
-        before, after, truth. `each`: the same of every case.
+        before, after, truth. `as_truth`: cases named right whose FFR, by root mean square over places, is off by at
+        most a tenth more than with the truth; `as_truth_or_small`: by a tenth or 0.005, whichever is more. `worse`: all
+        cases in which it is off by more than before and 0.005. `each`: the same of every case.
     """
     each = [one for one in cases if "failed" not in one]
     found: dict[str, Any] = {"cases": len(cases), "failed": len(cases) - len(each)}
@@ -89,9 +93,20 @@ def summary(cases: Sequence[dict[str, Any]]) -> dict[str, Any]:
         for kind, prefix in (("ffr", ""), ("flow", "flow_")):
             errors = np.concatenate([one[when][kind]["error"] for one in each])
             inside = np.concatenate([one[when][kind]["inside"] for one in each])
-            found[f"{kind}_error_{when}"] = float(np.sqrt(np.mean(errors**2)))
+            found[f"{kind}_error_{when}"] = _root_mean_square(errors)
             found[f"{prefix}coverage_90_{when}"] = wilson(int(inside.sum()), len(inside))
+    errors_of = [{when: _root_mean_square(one[when]["ffr"]["error"]) for when in MODELS} for one in each]
+    right = [errors for one, errors in zip(each, errors_of, strict=True) if one["named_right"]]
+    found["as_truth"] = sum(one["after"] <= (1.0 + TENTH) * one["truth"] for one in right)
+    found["as_truth_or_small"] = sum(
+        one["after"] - one["truth"] <= max(TENTH * one["truth"], NEGLIGIBLE) for one in right
+    )
+    found["worse"] = sum(one["after"] > one["before"] + NEGLIGIBLE for one in errors_of)
     return found | {"each": list(cases)}
+
+
+def _root_mean_square(values: Sequence[float] | np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _case(experiment: Experiment, nature: Nature, name: str, seed: int, threads: int) -> dict[str, Any]:
