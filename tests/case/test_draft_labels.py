@@ -16,7 +16,7 @@ from coronaryuq.case.anatomy.heart_frame import find_courses
 from coronaryuq.case.anatomy.paths import Paths
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.draft.labels import EndLabel, artery_of, label_ends
-from coronaryuq.synthetic.anatomy import patient_anatomy
+from coronaryuq.synthetic.anatomy import Anatomy, patient_anatomy
 from coronaryuq.synthetic.arteries import PATTERNS
 from support.case_files import small_tree, straight
 from support.varied_trees import KINDS, anonymous, varied_anatomy
@@ -103,6 +103,25 @@ def test_labels_stay_right_where_branches_are_missing_and_moved(dominance):
             assert found[outlet.vessel].branch == outlet.branch, (seed, outlet)
             right.append(kind(found[outlet.vessel].label) == kind(case.labels[outlet.vessel]))
     assert np.mean(right) >= 0.95 and np.mean(dominant) >= 0.85
+
+
+@pytest.mark.parametrize("seed", [2015, 2358])
+def test_what_leaves_a_posterolateral_trunk_is_posterolateral(seed):
+    """A branch that crosses the PDA's line was one of the right ventricle."""
+    case = varied_anatomy(seed, "right")
+    found, _ = labelled(case.anatomy)
+    assert {kind(found[o.vessel].label) for o in case.anatomy.outlets if o.label in ("PL1", "PL2")} == {"PL"}
+
+
+def test_the_right_arterys_way_from_its_ostium_does_not_tilt_the_groove():
+    """Its ostium lies above the groove: the apex was told too far forwards, and marginals to be posterolateral."""
+    case = varied_anatomy(2, "co")
+    paths, branches = Paths(case.anatomy.tree), {o.vessel: o.branch for o in case.anatomy.outlets}
+    courses = find_courses(paths, branches)
+    with patch("coronaryuq.case.anatomy.heart_frame.OSTIAL", 0.0):
+        before = find_courses(paths, branches)
+    to_apex = Anatomy.to_body_axes(np.array([0.0, 0.0, -1.0]))
+    assert courses.frame.apex @ to_apex > before.frame.apex @ to_apex
 
 
 def test_an_lad_that_winds_round_the_apex_is_the_lad():

@@ -20,6 +20,8 @@ DEPARTURE = 1.5
 """cm of a branch that tell whether it runs over the heart or dives into it."""
 DIVES = 1 / 3
 """Share of that by which a septal branch leaves the heading of the LAD into the heart, at least: 20 degrees."""
+OSTIAL = 2.0
+"""cm of the right coronary artery from its ostium, which lies above the groove, in the sinus of the aorta."""
 SMALLEST, LARGEST = 2.0, 8.0
 """cm: radius of the groove between atria and ventricles in adult hearts, small and dilated ones included."""
 REACH = 0.25
@@ -95,7 +97,7 @@ def find_courses(paths: Paths, branches: Mapping[str, Branch]) -> Courses | None
         return None
     right = first_part(paths.course(paths.longest(own["RCA"]), own["RCA"]))
     circumflex = in_groove_with(paths, own["LCx"], right)
-    groove = np.vstack([right, circumflex])
+    groove = np.vstack([right[min(round(OSTIAL / SPACING), len(right) // 2) :], circumflex])
     everywhere = np.array([paths.tree[end].points[-1] for end in branches])
     apex = _normal(groove)
     apex = apex if ((everywhere - groove.mean(axis=0)) @ apex).mean() > 0 else -apex

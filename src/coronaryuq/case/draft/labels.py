@@ -218,6 +218,8 @@ def _along_artery(
             else _stem_by_place(paths, end, place, branch, courses)
             for end in own
         }
+        if branch == "RCA" and "PL" in stems.values():  # what leaves a posterolateral trunk is posterolateral
+            stems = dict.fromkeys(own, "PL")
         stems |= {end: "S" for end in own if says(end, SEPTUM)}
         for stem in dict.fromkeys(stems.values()):
             alike = [end for end in own if stems[end] == stem]
