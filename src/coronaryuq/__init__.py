@@ -13,8 +13,13 @@ Everything else may change.
 """
 
 import importlib
+import os
 
 __version__ = "0.2.0"
+
+# numba stops at its own import where this is no positive number.
+if not os.environ.get("NUMBA_NUM_THREADS", "1").strip().lstrip("0").isdigit():
+    del os.environ["NUMBA_NUM_THREADS"]
 
 PUBLIC = {
     "open": ("coronaryuq.notebook.opened", "Opened"),

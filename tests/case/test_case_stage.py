@@ -151,6 +151,21 @@ def test_check_refuses_a_network_that_the_solver_would_refuse(shared, tmp_path, 
     assert finding.endswith(told)
 
 
+@pytest.mark.parametrize(("part", "name", "values"), [
+    ("vessels", "vessel_name", "zero_d_element_values"), ("boundary_conditions", "bc_name", "bc_values"),
+])  # fmt: skip
+def test_a_negative_resistance_of_a_given_network_is_refused(shared, tmp_path, part, name, values):
+    """The solver takes it, and so did `check`."""
+    path = closed_loop_22(shared, tmp_path)
+    network = json.loads((tmp_path / "network.json").read_text())
+    block = network[part][0]
+    key = next(key for key in block[values] if key.startswith("R"))
+    block[values][key] = -abs(block[values][key]) - 1.0
+    (tmp_path / "network.json").write_text(json.dumps(network))
+    (finding,) = check_case(path)[0]
+    assert f"network.json: {part}.{block[name]}.{values}.{key} = -" in finding and "cannot be negative" in finding
+
+
 def test_a_ready_network_needs_no_anatomy(shared, tmp_path):
     path = closed_loop_22(shared, tmp_path)
     findings, summary = check_case(path)

@@ -11,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from coronaryuq.case.anatomy.dominance import find_dominance
+from coronaryuq.case.anatomy.dominance import find_dominance, handedness_notes
 from coronaryuq.case.anatomy.heart_frame import find_courses
 from coronaryuq.case.anatomy.paths import Paths
 from coronaryuq.case.anatomy.tree import Tree
@@ -93,7 +93,7 @@ def test_arteries_side_branches_and_dominance_of_nameless_synthetic_patients_are
 
 @pytest.mark.parametrize("dominance", ["right", "left", "co"])
 def test_labels_stay_right_where_branches_are_missing_and_moved(dominance):
-    """Of the ends 19 in 20 or more have their kind; in 180 further such trees it were 99.5 %."""
+    """Of the ends 19 in 20 or more have their kind; in 1,200 further such trees it was 99.4 %."""
     right, dominant = [], []
     for seed in range(300, 308):
         case = varied_anatomy(seed, dominance)
@@ -187,3 +187,13 @@ def test_a_tree_that_is_no_heart_is_labelled_without_a_fault(seed, kind):
 def test_an_outlet_that_is_called_pda_tells_the_dominance(labels, dominance):
     tree = Tree(replace(v, points=v.points / 5, radii=v.radii / 5) for v in small_tree())
     assert find_dominance(tree, {"lca1": "LAD", "lca2": "LCx", "rca1": "RCA"}, labels) == dominance
+
+
+@pytest.mark.parametrize("dominance", ["right", "left", "co"])
+def test_the_mirror_image_of_a_heart_is_noted(dominance):
+    anatomy = varied_anatomy(7, dominance).anatomy
+    branches = {outlet.vessel: outlet.branch for outlet in anatomy.outlets}
+    assert handedness_notes(anatomy.tree, branches) == ()
+    mirrored = Tree(replace(v, points=v.points * [-1, 1, 1]) for v in anatomy.tree)
+    (told,) = handedness_notes(mirrored, branches)
+    assert "mirror image" in told

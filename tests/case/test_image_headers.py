@@ -153,6 +153,15 @@ def test_the_headers_unit_counts(tmp_path, length_unit):
         read(tmp_path, "map.nii", length_unit=length_unit)
 
 
+@pytest.mark.parametrize(("unit", "stated"), [(1, "m"), (3, "um")])
+def test_a_map_whose_header_is_in_other_units_is_told_what_to_write(tmp_path, unit, stated):
+    """The header was said to state mm, which it does not."""
+    nifti(tmp_path / "map.nii", shell(), unit=unit)
+    told = f"map.nii is read in mm, converted from its header's {stated}; write mm"
+    with pytest.raises(InputError, match=told):
+        read(tmp_path, "map.nii", length_unit="m")
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_faint_background_is_not_the_wall(tmp_path, name):
     WRITERS[name](tmp_path / name, np.where(shell() > 0, shell(), 0.001))

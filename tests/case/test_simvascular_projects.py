@@ -154,3 +154,16 @@ def test_names_in_an_old_code_page_do_not_stop_the_reading(project):
     path = project / "Segmentations" / "LAD.ctgr"
     path.write_bytes(path.read_bytes().replace(b'path_id="1"', b'path_id="1" author="M\xfcller"'))
     assert "LAD" in read_project(project, 1.0)[0]
+
+
+def test_a_group_whose_number_is_that_of_another_path_is_noted(project):
+    """Name and number of the path contradicted each other without a word."""
+    for name, number in (("aorta", 1), ("LAD", 2)):
+        path = project / "Paths" / f"{name}.pth"
+        path.write_text(path.read_text().replace('<path id="1">', f'<path id="{number}">'))
+    tree, notes = read_project(project, 1.0)
+    assert "LAD" in tree
+    assert notes == ("LAD.ctgr: took path LAD of its path_name; its path_id 1 is that of aorta",)
+    group = project / "Segmentations" / "LAD.ctgr"
+    group.write_text(group.read_text().replace('path_id="1"', 'path_id="2"'))
+    assert read_project(project, 1.0)[1] == ()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.case.anatomy.tree import Tree
-from support.case_files import check_case, write_case
+from support.case_files import check_case, straight, write_case
 
 SIZES = ("left ventricle: a wall", "left ventricle: ", "in diameter, as only", "aorta: ")
 
@@ -56,3 +56,14 @@ def test_an_inlet_that_is_no_aorta_is_noted(small_tree, tmp_path):
     thin = Tree(replace(v, radii=v.radii / 3) if v.branch == "aorta" else v for v in small_tree)
     (told,) = notes_of(tmp_path, thin)
     assert "aorta: 0.8 cm in diameter at its inlet, where most adults have 1.5 to 6" in told
+
+
+def test_an_aorta_that_runs_backwards_is_noted(small_tree, tmp_path):
+    def moved(vessel, shift):
+        return replace(vessel, points=vessel.points + [0, 0, shift])
+
+    first = straight("aorta", (0, 0, 0), (0, 0, 1), 9.0, (1.2, 1.2))
+    rest = [moved(v, 7.0) for v in small_tree if v.name not in ("aorta", "aorta_outlet")]
+    last = straight("aorta_outlet", (0, 0, 9), (0, 0, 1), 2.0, (1.2, 1.2), "aorta")
+    (told,) = notes_of(tmp_path, Tree([first, *rest, last]))
+    assert told.startswith("aorta: the first artery leaves it 9 cm from its start and 2 cm from its end; does it run")

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from coronaryuq.case.anatomy.dominance import find_dominance
+from coronaryuq.case.anatomy.dominance import find_dominance, handedness_notes
 from coronaryuq.case.anatomy.ffr_place import ffr_notes, with_ffr_places
 from coronaryuq.case.anatomy.read import PlacedOutlets, place_outlets, place_stenoses, read_anatomy
 from coronaryuq.case.anatomy.tree import Stenosis, Tree
@@ -158,6 +158,8 @@ def assemble(
         wall = wall_of_territories(outlets, flows, description.tissue_density, shares)
     notes += outlet_notes(wall, outlets, description.tissue_density)
     notes += size_notes(tree, wall, description.tissue_density)
+    if anatomy is not None:
+        notes += handedness_notes(tree, {outlet.vessel: outlet.branch for outlet in outlets})
     summary = CaseSummary(
         name=description.name,
         description=description.description,
@@ -210,8 +212,21 @@ def _read_own_network(folder: Path, description: Description) -> tuple[Network, 
     path = folder / description.network
     content = read_json(path)
     closed_loop_tree(content, path)
+    _check_resistances(Network(content), path)
     network, unit = to_cgs(Network(content), description.network_units, path)
     return network, closed_loop_tree(network, path), unit
+
+
+def _check_resistances(network: Network, path: Path) -> None:
+    """Raise InputError for a negative resistance, which a 0D solver accepts: no vessel or bed of a patient has one."""
+    parts = {"vessels": ("vessel_name", "zero_d_element_values"), "boundary_conditions": ("bc_name", "bc_values")}
+    for part, (name, kind) in parts.items():
+        for block in network.get(part, []):
+            values = block.get(kind)
+            for key, value in values.items() if isinstance(values, dict) else ():
+                if key.startswith("R") and isinstance(value, int | float) and value < 0:
+                    remedy = "a resistance cannot be negative; correct it, or set it to 0"
+                    raise InputError(path, f"{part}.{block.get(name)}.{kind}.{key}", value, remedy)
 
 
 def _sketch_network(sketch: Sketch, folder: Path, description: Description) -> None:

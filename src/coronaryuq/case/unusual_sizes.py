@@ -13,6 +13,9 @@ GIANT = 0.8
 AORTIC_INLET = (1.5, 6.0)
 """cm: diameter of the ascending aorta, 2 to 4 in healthy adults; it is replaced from 5.5 on."""
 
+FROM_VALVE = 5.0
+"""cm from the aorta's start to the ostia, at most: they lie 1 to 2 cm above the valve; a model may begin below it."""
+
 
 def size_notes(tree: Tree, wall: Wall, tissue_density: float) -> tuple[str, ...]:
     """Return a note for each size outside of what most adult patients have.
@@ -51,7 +54,23 @@ def size_notes(tree: Tree, wall: Wall, tissue_density: float) -> tuple[str, ...]
             f"aorta: {inlet:.2g} cm in diameter at its inlet, where most adults have {_range(AORTIC_INLET)}; check the "
             "unit, and that the inlet is the aorta's"
         )
-    return tuple(notes)
+    return (*notes, *_backwards(tree))
+
+
+def _backwards(tree: Tree) -> tuple[str, ...]:
+    """Return a note if all arteries leave a real aorta far from its start and near its end."""
+    aortic = [v for v in tree if v.branch == AORTA and not v.made]
+    if tree.root not in aortic:
+        return ()
+    arc = {v.name: sum(part.length for part in tree.path(v.name)) for v in aortic}
+    ostia = [arc[v.parent] for v in tree if v.branch != AORTA and v.parent in arc]
+    behind = max(arc.values()) - min(ostia, default=0.0)
+    if not ostia or min(ostia) <= FROM_VALVE or behind >= min(ostia):
+        return ()
+    return (
+        f"aorta: the first artery leaves it {min(ostia):.2g} cm from its start and {behind:.2g} cm from its end; does "
+        "it run backwards, from the outlet to the valve?",
+    )
 
 
 def _range(bounds: tuple[float, float]) -> str:

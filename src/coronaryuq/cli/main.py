@@ -15,6 +15,7 @@ from coronaryuq import __version__
 from coronaryuq.cli.examples import EXAMPLES
 from coronaryuq.core.command_line import Parser
 from coronaryuq.core.errors import InputError, os_error_line
+from coronaryuq.core.private_folders import complete_environment
 
 BENCHMARKS = {
     "zerod": ("zerod", "speed of the 0D solver, compared with svZeroDSolver if it is installed"),
@@ -63,6 +64,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a locale may lack ° or ±, which must not stop a command
             stream.reconfigure(errors="replace")
+    if not os.path.isabs(os.environ.get("HOME", "/")):  # libraries would make folders in the current one
+        complete_environment()
     words = list(sys.argv[1:] if arguments is None else arguments)
     words, rest = _split(words)
     parser = _parser(words)
@@ -72,6 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     elif behind:
         parser.error(f"unrecognized arguments: {' '.join(behind)}")
     try:
+        _check_current_folder()
         return options.run(options)
     except InputError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -87,6 +91,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             raise
         print(f"error: {line or f'{error.filename2 or error.filename}: {error.strerror}'}", file=sys.stderr)
         return InputError.EXIT_CODE
+
+
+def _check_current_folder() -> None:
+    """Raise InputError if the current folder is gone: relative paths mean nothing then, and libraries stop."""
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        raise InputError("current folder", None, None, "was deleted; change to another one (cd)") from None
 
 
 def _split(words: list[str]) -> tuple[list[str], list[str]]:

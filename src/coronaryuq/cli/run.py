@@ -1,11 +1,14 @@
 """`coronaryuq run` and `coronaryuq demo`: run a campaign without a checkout, by Snakemake."""
 
 import argparse
+import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 from coronaryuq import config
@@ -83,6 +86,7 @@ def run(
     and its jobs print. Results that have changed since their jobs wrote them are deleted first, to be made again.
     """
     _check_targets(targets)
+    _check_programs()
     complete_environment()
     campaign = config.load(configuration)
     results = Path("results", campaign.name)
@@ -112,6 +116,14 @@ def run(
     elif not targets:
         print("\n".join(result_lines(results)))
     return code
+
+
+def _check_programs() -> None:
+    """Raise InputError if PATH lacks a program without which Snakemake stops."""
+    needed = ["bash", *["which"] * (find_spec("snakemake_executor_plugin_slurm") is not None)]
+    if missing := [program for program in needed if shutil.which(program) is None]:
+        remedy = f"has no {' and no '.join(missing)}, which Snakemake needs; add the system's folders (/usr/bin:/bin)"
+        raise InputError("environment", "PATH", os.environ.get("PATH"), remedy)
 
 
 def _check_targets(targets: Sequence[str]) -> None:

@@ -47,10 +47,12 @@ def user_cache() -> Path | None:
     """
     try:
         cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        if not cache.is_absolute():
+            return None
         cache.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = cache.stat()
         replaceable = found.st_mode & 0o022 and not found.st_mode & stat.S_ISVTX
-        own = found.st_uid in (0, os.geteuid()) and cache.is_absolute() and not replaceable
+        own = found.st_uid in (0, os.geteuid()) and not replaceable
         return cache if own and takes_files(cache) else None
     except (OSError, RuntimeError):  # no home at all
         return None

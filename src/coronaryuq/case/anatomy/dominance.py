@@ -39,6 +39,17 @@ def find_dominance(tree: Tree, branches: Mapping[str, Branch], labels: Mapping[s
     return _by_place(paths, branches, replace(courses, pda=called[0]) if called else courses)
 
 
+def handedness_notes(tree: Tree, branches: Mapping[str, Branch]) -> tuple[str, ...]:
+    """Return a note if the arteries lie as in the mirror image of a heart. branches: coronary end → its artery."""
+    courses = find_courses(Paths(tree), branches)
+    if courses is None or not courses.mirrored:
+        return ()
+    return (
+        "anatomy: LAD, LCx and RCA lie as in the mirror image of a heart: is an axis flipped, as between RAS and LPS, "
+        "or LCx called RCA? (in situs inversus it is right)",
+    )
+
+
 def _by_place(paths: Paths, branches: Mapping[str, Branch], courses: Courses) -> Dominance | None:
     """Return the dominance by the places of the ends.
 

@@ -71,6 +71,7 @@ class Courses:
 
     lad: the end towards the apex. circumflex, right: the ends of the courses that stay in the groove between atria and
     ventricles. pda: the end in the posterior groove between the ventricles, None where none is to be seen.
+    mirrored: whether the circumflex lies where the mirror image of a heart has it.
     """
 
     frame: HeartFrame
@@ -78,6 +79,7 @@ class Courses:
     circumflex: str
     right: str
     pda: str | None
+    mirrored: bool
 
 
 def find_courses(paths: Paths, branches: Mapping[str, Branch]) -> Courses | None:
@@ -108,14 +110,15 @@ def find_courses(paths: Paths, branches: Mapping[str, Branch]) -> Courses | None
     anterior = first_part(deepest).mean(axis=0) - centre
     anterior = _unit(anterior - (anterior @ apex) * apex)
     left = np.cross(apex, anterior)
-    left = left if ((circumflex - centre) @ left).mean() > 0 else -left
+    mirrored = bool(((circumflex - centre) @ left).mean() > 0)
+    left = left if mirrored else -left
     frame = HeartFrame(centre, apex, anterior, left, centre)
     lad = _towards_apex(paths, own["LAD"], frame)
     ends = {branch: _groove_end(paths, own[branch], frame) for branch in ("LCx", "RCA")}
     pda = _posterior_descending(paths, own, frame, lad)
     along = [first_part(paths.course(ends["LCx"], own["LCx"])), paths.course(lad, own["LAD"])[:10]]
     wall, _ = _circle(np.vstack(along), apex)
-    return Courses(HeartFrame(centre, apex, anterior, left, wall), lad, ends["LCx"], ends["RCA"], pda)
+    return Courses(HeartFrame(centre, apex, anterior, left, wall), lad, ends["LCx"], ends["RCA"], pda, mirrored)
 
 
 def is_inferior(paths: Paths, end: str, courses: Courses) -> bool:

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 
+from coronaryuq.case.anatomy.simvascular_xml import read_points, read_xml
 from coronaryuq.case.anatomy.synthetic_aorta import is_aorta, one_tree
 from coronaryuq.case.anatomy.tree import Tree, Vessel, project, tree_of
 from coronaryuq.core.errors import InputError
-from coronaryuq.core.io.text import read_text, visible
+from coronaryuq.core.io.text import visible
 
-LARGEST = 200_000_000
-"""Maximum size of one file, bytes."""
 SPACING = 0.05
 """cm between centreline points."""
 AT_END = 0.1
@@ -51,6 +50,7 @@ def read_project(folder: str | Path, scale: float, chosen: Sequence[str] = ()) -
     if not paths or not groups:
         raise InputError(folder, None, None, "expected Paths/*.pth and Segmentations/*.ctgr")
     of_path, without_path, notes = _groups_of_paths(folder, [_name(path) for path in paths], groups, chosen)
+    notes += _contradicting_ids(paths, of_path)
     contoured = {_name(path): _contoured(path, of_path.get(_name(path)), notes) for path in paths}
     left_out = [name for name, contours in contoured.items() if contours is None]
     lines = [_line(c.name, c.points * scale, c.radii * scale) for c in contoured.values() if c is not None]
@@ -130,13 +130,28 @@ def _groups_of_paths(
 
 def _path_name(group: Path) -> str:
     """Return the name of the path that a contour group belongs to, by default the file's own name."""
-    root = _xml(group).find("contourgroup")
+    root = read_xml(group).find("contourgroup")
     return _name(group) if root is None else root.get("path_name", _name(group)).strip()
+
+
+def _contradicting_ids(paths: Sequence[Path], of_path: Mapping[str, Path]) -> list[str]:
+    """Return a note for each group whose `path_id` is that of another path than its `path_name`."""
+    ids = {_name(path): found.get("id", "") for path in paths if (found := read_xml(path).find("path")) is not None}
+    notes = []
+    for name, group in of_path.items():
+        root = read_xml(group).find("contourgroup")
+        stated = "" if root is None else root.get("path_id", "")
+        others = [other for other, number in ids.items() if number == stated]
+        if len(others) == 1 and others[0] != name:
+            notes.append(
+                f"{group.name}: took path {name} of its path_name; its path_id {stated} is that of {others[0]}"
+            )
+    return notes
 
 
 def _one_time(path: Path, notes: list[str]) -> ElementTree.Element:
     """Return the content of a file, of several time steps that are not empty the first."""
-    root = _xml(path)
+    root = read_xml(path)
     of_kind = [element for name in ("path", "contourgroup") for element in root.iter(name)]
     if len(of_kind) > 1:
         raise InputError(path, of_kind[0].tag, len(of_kind), "several in one file; give each its own")
@@ -326,7 +341,7 @@ def _at_end(line: Vessel, arc: float) -> bool:
 def _contoured(path: Path, group: Path | None, notes: list[str]) -> Contoured | None:
     """Return the centres and radii of a path's contours in order along it; None with fewer than two contours."""
     root = _one_time(path, notes)
-    control = _points(path, root, ".//control_points/point")
+    control = read_points(path, root, ".//control_points/point")
     if len(control) < 2:
         raise InputError(path, "control_points", len(control), "expected two or more points")
     if group is None:
@@ -338,7 +353,7 @@ def _contoured(path: Path, group: Path | None, notes: list[str]) -> Contoured | 
         if places.count(place) > 1:
             raise InputError(group, "path_point", place, "has several contours; delete all but one")
     for contour in contours:
-        rim = _points(group, contour, "contour_points/point")
+        rim = read_points(group, contour, "contour_points/point")
         if len(rim) < 3:
             continue
         centre = rim.mean(axis=0)
@@ -361,32 +376,3 @@ def _path_point(contour: ElementTree.Element) -> int:
     point = contour.find("path_point")
     number = "" if point is None else point.get("id", "")
     return int(number) if number.isascii() and number.isdigit() else 0
-
-
-def _xml(path: Path) -> ElementTree.Element:
-    if path.stat().st_size > LARGEST:
-        raise InputError(path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST} bytes")
-    try:
-        text = read_text(path)
-    except InputError:  # names in an old code page; coordinates are ASCII
-        text = path.read_text(encoding="latin-1")
-    if not text.strip():
-        raise InputError(path, None, None, "is empty; save it again in SimVascular, or delete it")
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError(path, None, None, "contains a document type definition, which SimVascular never writes")
-    # SimVascular writes a `format` element before the root: two roots, which XML does not allow.
-    body = text[text.index("?>") + 2 :] if text.lstrip().startswith("<?xml") and "?>" in text else text
-    try:
-        return ElementTree.fromstring(f"<file>{body}</file>")
-    except ElementTree.ParseError as error:
-        raise InputError(path, None, None, f"not valid XML ({error})") from None
-
-
-def _points(path: Path, element: ElementTree.Element, where: str) -> np.ndarray:
-    try:
-        points = np.array([[float(p.attrib[k]) for k in "xyz"] for p in element.findall(where)], dtype=float)
-    except (KeyError, ValueError) as error:
-        raise InputError(path, where, None, f"a point lacks x, y or z ({error})") from None
-    if not np.isfinite(points).all():
-        raise InputError(path, where, None, "a point is not finite")
-    return points.reshape(-1, 3)

@@ -21,6 +21,9 @@ def check_files(path: str | Path, description: Description) -> None:
             beside = [found.name for found in visible(file.parent)] if file.parent.is_dir() else []
             other = next((found for found in beside if found.lower() == file.name.lower()), None)
             hint = f"; did you mean {other}?" if other else "; paths are relative to the case's file, with / between"
+            target = Path(path).resolve()
+            if Path(path).is_symlink() and os.path.lexists(target.parent / name):
+                hint = f" beside this link; it is beside the file that the link leads to: name {target}"
             raise InputError(path, field, name, f"no such file{hint}")
 
 

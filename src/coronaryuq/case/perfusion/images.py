@@ -24,13 +24,15 @@ FINEST = 2_000_000
 class Image:
     """A scalar volume. values: (i, j, k). matrix: (4, 4), from voxel index to position in the file's length unit.
 
-    unit: length unit of positions if the header names one, else None. notes: of the header's contradictions.
+    unit: length unit of positions if the header names one, else None. stated: the unit in the header, which may be
+    another one, from which positions were converted. notes: of the header's contradictions.
     """
 
     values: np.ndarray
     matrix: np.ndarray
     unit: str | None = None
     notes: tuple[str, ...] = ()
+    stated: str | None = None
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ def read_image(
         raise InputError(path, "grid", values.shape, f"differs from that of {path_like}; resample it onto that grid")
     # ITK converts the lengths of a NIfTI file to mm.
     nifti = path.name.lower().endswith((".nii", ".nii.gz"))
-    return Image(values, matrix, "mm" if nifti and header.unit else header.unit, header.notes)
+    return Image(values, matrix, "mm" if nifti and header.unit else header.unit, header.notes, header.unit)
 
 
 def check_file(path: Path) -> None:

@@ -125,6 +125,9 @@ def _cells(file, path: Path, map_: Perfusion, folder: Path, most_cells: int):
         image = read_image(path, placed_otherwise=placed_otherwise)
         if image.unit is not None and image.unit != map_.length_unit:
             remedy = f"the header of {map_.file} says {image.unit}; correct this, or the header"
+            if image.stated != image.unit:
+                remedy = f"{map_.file} is read in {image.unit}, converted from its header's {image.stated}"
+                remedy += f"; write {image.unit}"
             raise InputError(file, "perfusion.length_unit", map_.length_unit, remedy)
         label, notes = None, image.notes
         if map_.label is not None:

@@ -16,6 +16,8 @@ def read_text(path: str | Path) -> str:
     InputError
         If the file is missing, unreadable, or in another encoding; names the line.
     """
+    if Path(path).is_fifo() and not Path(path).is_relative_to("/dev") and not Path(path).is_relative_to("/proc"):
+        raise InputError(path, None, None, "is a named pipe, from which a reader may wait for ever; name a file")
     try:
         content = Path(path).read_bytes()
     except FileNotFoundError:
