@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.calibration.unmeasured_beds import PREFIX, median_radii, unmeasured_parameters
+from coronaryuq.calibration.unmeasured_beds import median_radii, unmeasured_parameters
 from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.description.routine import RoutineErrors
@@ -11,6 +11,7 @@ from coronaryuq.case.lumen.law import lumen_law
 from coronaryuq.case.lumen.profiles import with_lumen
 from coronaryuq.case.network.build import Bed, Physics, murray_shares, network_from_tree, segments
 from coronaryuq.case.network.network import UNCERTAIN, Network
+from coronaryuq.case.network.parameter_names import UNMEASURED
 from coronaryuq.case.settings import MURRAY_EXPONENT
 from coronaryuq.core.seeds import generator
 from coronaryuq.synthetic.anatomy import patient_anatomy
@@ -117,9 +118,9 @@ def test_the_exponent_moves_the_share_of_each_outlet_beside_the_measured_ones(an
 def test_a_known_lumen_leaves_the_spread_of_conductance_among_beds(anatomy, outlets):
     network, _ = network_of(anatomy, outlets, LumenError(local_sd=0.0, common_sd=0.0))
     entries = {one["name"]: one for one in unmeasured_parameters(outlets, network, RoutineErrors(murray_exponent=0.0))}
-    assert set(entries) == {PREFIX + o.branch for o in outlets if o.perfuses != "LV"}
+    assert set(entries) == {UNMEASURED + o.branch for o in outlets if o.perfuses != "LV"}
     for name, entry in entries.items():
-        own = [o for o in outlets if PREFIX + o.branch == name and o.perfuses != "LV"]
+        own = [o for o in outlets if UNMEASURED + o.branch == name and o.perfuses != "LV"]
         assert 0.25 * np.sqrt(0.5 + 0.5 / len(own)) - 1e-9 <= entry["spread"] <= 0.25
         assert set(entry["targets"]) == {f"{o.bc}.{key}" for o in own for key in beds(network)[o.bc].resistances}
         assert "loadings" not in entry

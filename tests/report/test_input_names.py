@@ -4,11 +4,11 @@ from typing import get_args
 
 import pytest
 
-from coronaryuq.calibration.unmeasured_beds import PREFIX
 from coronaryuq.case.anatomy.tree import Tree
 from coronaryuq.case.case_json import Branch, CaseSummary
 from coronaryuq.case.description.lumen import LumenError
 from coronaryuq.case.lumen.law import lumen_law
+from coronaryuq.case.network.parameter_names import UNMEASURED
 from coronaryuq.report.input_names import input_names
 from support.case_files import case_content
 from support.random_trees import random_tree
@@ -27,4 +27,4 @@ def test_every_coordinate_of_a_lumen_has_a_name(seed):
 @pytest.mark.parametrize("artery", get_args(Branch))
 def test_the_beds_of_every_artery_without_measured_flow_have_a_name(artery):
     words = input_names(CaseSummary.model_validate(case_content()))
-    assert words[PREFIX + artery] == f"the beds of the {artery} without measured flow"
+    assert words[UNMEASURED + artery] == f"the beds of the {artery} without measured flow"

@@ -18,6 +18,7 @@ from coronaryuq.calibration.hyperaemic_flow import hyperaemic_changes
 from coronaryuq.calibration.loop import Loop
 from coronaryuq.calibration.targets import TUNED
 from coronaryuq.case.description.routine import RoutineErrors
+from coronaryuq.case.network import parameter_names
 from coronaryuq.case.network.network import HEART, VISCOSITY, Network
 from coronaryuq.case.tables.targets import BY_NAME
 from coronaryuq.zerod.network.beds import beds
@@ -217,8 +218,9 @@ def heart_parameters(found: HeartPosterior, loop: Loop) -> list[dict[str, Any]]:
                 for bc in loop.network.boundary_conditions:
                     if bc["bc_type"] in kinds:
                         targets[f"{bc['bc_name']}.{member}"] = coefficient
+        name = f"{parameter_names.HEART}{k + 1}"
         entries.append(
-            {"name": f"heart_{k + 1}", "distribution": "lognormal", "centre": 1.0, "spread": 1.0, "kind": "factor"}
+            {"name": name, "distribution": "lognormal", "centre": 1.0, "spread": 1.0, "kind": "factor"}
             | {"targets": targets, "unit": "1"}
             | {"meaning": "latent coordinate of the tuned heart", "source": "errors of cuff and echocardiogram"}
         )

@@ -14,11 +14,10 @@ from coronaryuq.case.case_json import CaseOutlet
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.lumen.profiles import Lumen, lumen_of
 from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.parameter_names import UNMEASURED
 from coronaryuq.case.settings import MURRAY_EXPONENT
 from coronaryuq.zerod.network.beds import beds
 
-PREFIX = "unmeasured_"
-"""Start of the name of an artery's factor on the resistance of its beds without measured flow."""
 LEAST = 1e-6
 """Effects of a coordinate on the logarithm of a radius that are left out."""
 
@@ -80,7 +79,7 @@ def unmeasured_parameters(
             continue
         targets = {f"{bed}.{key}": 1.0 for bed in own.names for key in known[bed].resistances}
         entries.append(
-            {"name": f"{PREFIX}{artery}", "distribution": "lognormal", "centre": 1.0, "spread": float(spread)}
+            {"name": f"{UNMEASURED}{artery}", "distribution": "lognormal", "centre": 1.0, "spread": float(spread)}
             | {
                 "kind": "factor",
                 "targets": targets,

@@ -11,8 +11,9 @@ import numpy as np
 
 from coronaryuq.case.anatomy.tree import AORTA, Stenosis, Tree, Vessel, reference_radius
 from coronaryuq.case.description.lumen import LumenError
+from coronaryuq.case.network.parameter_names import LUMEN
 
-COMMON = "lumen_common"
+COMMON = f"{LUMEN}common"
 """Coordinate of the error that all coronary arteries share."""
 REST = "_rest"
 """End of the name of an artery's last coordinate, which carries what its terms leave."""
@@ -137,7 +138,7 @@ def lumen_law(tree: Tree, stenoses: Sequence[Stenosis], error: LumenError, modes
         weight = _pressure_loss(tree, group, [s for s in stenoses if tree[s.vessel].branch == artery])
         weight *= np.concatenate([log_sd[v.name][1] ** 2 for v in group])
         terms, share = _expansion(np.exp(-_distance(tree, group) / (0.1 * error.length)), weight, modes)
-        labels = [f"lumen_{artery}_{k + 1}" for k in range(len(terms))] + [f"lumen_{artery}{REST}"]
+        labels = [f"{LUMEN}{artery}_{k + 1}" for k in range(len(terms))] + [f"{LUMEN}{artery}{REST}"]
         left = np.sqrt(np.clip(1.0 - (terms**2).sum(axis=0), 0.0, None))
         if len(terms):
             captured[artery] = share

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from coronaryuq.case.network import parameter_names
+
 FLOW, LUMEN, CUFF_AND_ECHO, MODEL = "flow", "lumen", "cuff and echo", "model"
 ASSUMED = ("hyperaemia", "viscosity", "murray_exponent")
 """Uncertain parameters that are assumed rather than measured, besides those of beds without measured flow."""
@@ -21,8 +23,8 @@ def sources(inputs: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _source(name: str) -> str:
-    if name.startswith("lumen_"):
+    if name.startswith(parameter_names.LUMEN):
         return LUMEN
-    if name.startswith("heart_"):
+    if name.startswith(parameter_names.HEART):
         return CUFF_AND_ECHO
-    return MODEL if name in ASSUMED or name.startswith("unmeasured_") else FLOW
+    return MODEL if name in ASSUMED or name.startswith(parameter_names.UNMEASURED) else FLOW
