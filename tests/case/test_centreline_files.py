@@ -158,6 +158,7 @@ def test_a_vessel_that_starts_in_the_middle_of_another_cuts_it(small_tree, tmp_p
             "parent of lca1 = 'lad': no such vessel",
         ),
         (lambda t: t[(t["name"] != "lca1") | (t.index % 21 == 0)], "has one point"),
+        (lambda t: t.assign(name=t["name"].where(t["name"] != "rca1", "")), "line 130: is blank; give every point"),
         (lambda t: pd.concat([t, t[t["name"] == "lca1"]]), "its rows are not together"),
         (lambda t: t.assign(z=t["z"] + 5.0 * (t["name"] == "rca1")), "radii from"),
         (lambda t: t.assign(x=t["x"].where(t.index != 3, 1e300)), "1e+300 cm': no body reaches so far"),

@@ -42,6 +42,15 @@ def test_a_named_pipe_is_refused_instead_of_waited_for(case):
     assert done.returncode == 2 and done.stderr.startswith(f"error: {pipe}: is a named pipe"), done.stderr
 
 
+@pytest.mark.parametrize("made", [os.mkfifo, lambda path: path.symlink_to(path.name)], ids=["pipe", "link to itself"])
+def test_a_table_that_is_no_regular_file_is_not_said_to_be_absent(case, made):
+    table = case.with_name("targets.csv")
+    table.unlink()
+    made(table)
+    done = command("check", case)
+    assert done.returncode == 2 and done.stderr.startswith(f"error: {table}: is no regular file"), done.stderr
+
+
 def test_a_relative_home_leaves_nothing_in_the_current_folder(case, tmp_path):
     here = tmp_path / "here"
     here.mkdir()

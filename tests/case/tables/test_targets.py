@@ -3,6 +3,7 @@
 import pytest
 
 from coronaryuq.case.case_json import TargetValue
+from coronaryuq.case.tables.read import read_case_targets
 from coronaryuq.case.tables.targets import check_targets
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
@@ -20,3 +21,10 @@ def test_targets_are_converted_to_their_own_units_and_unmeasured_ones_left_out()
 def test_a_volume_in_mmhg_is_refused():
     with pytest.raises(InputError, match=r"AbsQin\.unit"):
         check_targets({"AbsQin": TargetValue(value=66.0, unit="mmHg")}, "case.json")
+
+
+def test_a_number_too_large_is_not_taken_for_one_with_a_unit(tmp_path):
+    (tmp_path / "targets.csv").write_text("name,value\nAbsQin,1e400\n")
+    with pytest.raises(InputError) as error:
+        read_case_targets(tmp_path / "targets.csv")
+    assert str(error.value).endswith("AbsQin = '1e400': expected a number or none")

@@ -18,6 +18,7 @@ floats = st.floats(allow_nan=False, allow_infinity=False)
         b"name,value\nvan Gogh,1.5\nb,-2\n",
         b"\xef\xbb\xbfname,value\r\nvan Gogh,1.5\r\nb,-2\r\n",
         b"# by hand\nname,value\nvan Gogh,1.5\n# and more\nb,-2\n",
+        b"name,value,,\nvan Gogh,1.5,,\nb,-2,,\n",
         b"name;value\nvan Gogh;1,5\nb;-2\n",
         b"name;value\nvan Gogh;1.5\nb;-2\n",
         b"name\tvalue\nvan Gogh\t1.5\nb\t-2\n",

@@ -123,6 +123,9 @@ def _of_table(path: Path, scale: float, notes: list[str]) -> Tree:
     import pandas as pd
 
     table = read_csv(path, ("name", "x", "y", "z", "radius"), words=("name", "parent", "branch"))
+    if (nameless := table["name"] == "").any():
+        line = line_number(path, int(np.argmax(nameless)))
+        raise InputError(path, "name", None, f"line {line}: is blank; give every point the name of its vessel")
     for column in ("x", "y", "z", "radius"):
         given, table[column] = table[column], pd.to_numeric(table[column], errors="coerce")
         wrong = ~np.isfinite(table[column]) | ((table[column] <= 0.0) & (column == "radius"))

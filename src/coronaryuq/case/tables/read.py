@@ -2,6 +2,7 @@
 
 import csv
 import math
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -304,7 +305,7 @@ def _number(path: Path, name: str, value: Any) -> float | None:
         number = math.nan
     if isinstance(value, bool) or not math.isfinite(number):
         remedy = "expected a number or none"
-        if isinstance(value, str) and re.match(r"[-+]?[\d.]+\s*[A-Za-z%]", value):
+        if isinstance(value, str) and math.isnan(number) and re.match(r"[-+]?[\d.]+\s*[A-Za-z%]", value):
             remedy += "; put units into a column `unit`, with a header"
         elif isinstance(value, str) and re.fullmatch(r"[-+]?\d+(,\d+)+(\.\d*)?", value):
             remedy += ", without separators of thousands"
@@ -328,7 +329,8 @@ def _numbers(path: Path, frame, column: str) -> np.ndarray:
 
 def _check_size(path: Path) -> None:
     if not path.is_file():
-        raise InputError(path, None, None, "is a folder; name a file" if path.is_dir() else "no such file")
+        there = "is no regular file, or a link that leads to none" if os.path.lexists(path) else "no such file"
+        raise InputError(path, None, None, "is a folder; name a file" if path.is_dir() else there)
     if path.stat().st_size > LARGEST_TABLE:
         raise InputError(
             path, None, f"{path.stat().st_size} bytes", f"more than {LARGEST_TABLE} bytes; expected a table"

@@ -61,8 +61,8 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
             "decimal": "," if comma else ".",
             "skipinitialspace": separator != "\t",
         }
-        heading = list(pd.read_csv(TableText(path), nrows=1, header=None, dtype=str, **layout).iloc[0].fillna(""))
-        _check_heading(path, heading)
+        written = list(pd.read_csv(TableText(path), nrows=1, header=None, dtype=str, **layout).iloc[0].fillna(""))
+        _check_heading(path, written)
         heading = list(pd.read_csv(TableText(path), nrows=0, **layout).columns)
         kept = {name: str for name in heading if str(name).strip().lower() in (*words, *NAMES)}
         blank = {name: [""] for name in kept if str(name).strip().lower() not in words}
@@ -80,6 +80,9 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
     if not isinstance(frame.index, pd.RangeIndex):
         # If rows are longer than the header, pandas takes their first cells for an index.
         raise InputError(path, "heading", None, "some rows have more cells than the heading; check the separators")
+    # A spreadsheet writes blank columns where cells were cleared.
+    unnamed = [name for name, given in zip(frame.columns, written, strict=False) if not str(given).strip()]
+    frame = frame.drop(columns=[name for name in unnamed if frame[name].replace("", None).isna().all()])
     return _with_columns(path, frame, columns)
 
 
