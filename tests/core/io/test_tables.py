@@ -30,6 +30,7 @@ floats = st.floats(allow_nan=False, allow_infinity=False)
 def test_a_table_reads_the_same_however_a_spreadsheet_wrote_it(tmp_path, raw):
     (tmp_path / "t.csv").write_bytes(raw)
     frame = read_csv(tmp_path / "t.csv", ("name", "value"))
+    assert list(frame.columns) == ["name", "value"]
     assert frame["name"].tolist() == ["van Gogh", "b"] and frame["value"].tolist() == [1.5, -2.0]
 
 
