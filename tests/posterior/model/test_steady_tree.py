@@ -80,3 +80,19 @@ def test_it_is_nearly_the_mean_flow_of_a_pulsatile_run():
     left = flows / model.steady(inputs)
     assert np.all(np.abs(left / left[0] - 1.0) < 0.03)
     assert flows[2, 0] > 2.0 * flows[1, 0]
+
+
+def test_a_leak_does_not_cut_the_tree():
+    """What leaves it is left to the emulator; the vessels ahead keep their losses."""
+    content = network_of(ResistorTree.of(3)).deep_copy()
+    content["boundary_conditions"].append(
+        {"bc_name": "VEIN", "bc_type": "RESISTANCE", "bc_values": {"R": 1e6, "Pd": 0.0}}
+    )
+    content["vessels"].append(
+        {"vessel_id": 9, "vessel_name": "leak", "vessel_length": 1.0, "boundary_conditions": {"outlet": "VEIN"},
+         "zero_d_element_type": "BloodVessel", "zero_d_element_values": {"R_poiseuille": 1e5}}
+    )  # fmt: skip
+    content["junctions"][0]["outlet_vessels"].append(9)
+    own, _ = steady(check_network(content), PRESSURE)
+    assert own.vessels == ["root", "v0", "v1", "v2"]
+    assert own.parent.tolist() == [-1, 0, 0, 0]

@@ -1,6 +1,7 @@
 """Mean flow into each LV-perfusing bed, from the 0D engine."""
 
 from collections.abc import Container, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -81,7 +82,7 @@ class BedFlows:
                 network_json, None, None, f"the simulation fails ({at_r_hat.status[0]}); calibrate the network first"
             )
         self.start = at_r_hat.state[0]
-        self.tree = SteadyTree(self.network, network_json, self.beds, float(at_r_hat.values[ahead][0]))
+        self.file, self.pressure = network_json, float(at_r_hat.values[ahead][0])
 
     def flows(self, inputs: np.ndarray) -> np.ndarray:
         """Return mean flows (n, N) in mL/s, nan where a run failed.
@@ -92,6 +93,11 @@ class BedFlows:
         result = self._run(self._changes(inputs), self.start)
         flows = np.stack([result.values[name] for name in self.quantities], axis=1)
         return np.where(result.ok[:, None], flows, np.nan)
+
+    @cached_property
+    def tree(self) -> SteadyTree:
+        """The trees ahead of the beds, at the mean pressure at r-hat."""
+        return SteadyTree(self.network, self.file, self.beds, self.pressure)
 
     def steady(self, inputs: np.ndarray) -> np.ndarray:
         """Return the flows (n, N) of the `SteadyTree` for the inputs of `flows`."""

@@ -19,11 +19,11 @@ from coronaryuq.zerod.network.numbering import Model
 ROUNDS, ENOUGH = 40, 1e-6
 """Iterations at most, and relative change of each flow at which they end."""
 LEAST = 1e-6
-"""Flow at least, over that without vessels: a large negative coefficient must not leave an outlet without flow."""
+"""Flow at least, over that of the whole pressure: a large negative coefficient leaves no outlet without flow."""
 
 
 class SteadyTree:
-    """The vessels ahead of coronary beds alone, from their ostia on, at one constant pressure.
+    """The vessels ahead of coronary beds, at one constant pressure, as if no blood went elsewhere.
 
     Parameters
     ----------
@@ -32,28 +32,22 @@ class SteadyTree:
     names
         Beds whose flows are wanted.
     pressure
-        Mean pressure at the ostia over that behind the beds, in the network's unit.
+        Mean pressure ahead over that behind the beds, in the network's unit.
     """
 
     def __init__(self, network: Network, file: str | Path, names: list[str], pressure: float):
         self.pressure = pressure
         own, topology, known = Model(network, file).parameters, Topology(network), beds(network)
-        coronary = {
-            vessel: bool(below := topology.outlets_below(vessel)) and all(name in known for name in below)
-            for vessel in topology.vessels
-        }
-        roots = [
-            vessel
-            for vessel, inside in coronary.items()
-            if inside and not any(coronary[one] for one in topology.parents(vessel))
-        ]
+        inside = {vessel: not known.keys().isdisjoint(topology.outlets_below(vessel)) for vessel in topology.vessels}
         # Parents come before children. A vessel with two parents counts with the one found first.
-        self.vessels = list(dict.fromkeys(vessel for root in roots for vessel in topology.subtree(root)))
+        below = (vessel for root in topology.roots for vessel in topology.subtree(root))
+        self.vessels = [vessel for vessel in dict.fromkeys(below) if inside[vessel]]
         place = {vessel: k for k, vessel in enumerate(self.vessels)}
         self.parent = np.full(len(self.vessels), -1)
         for vessel in reversed(self.vessels):
             for child in topology.children(vessel):
-                self.parent[place[child]] = place[vessel]
+                if inside[child]:
+                    self.parent[place[child]] = place[vessel]
         self.wanted = np.array([place[topology.vessel_of[name]] for name in names])
         # R, K and the bed's resistance of each vessel, and the parameters that they are the sums of.
         self.values = np.zeros((3, len(self.vessels)))
