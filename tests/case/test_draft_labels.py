@@ -135,6 +135,34 @@ def test_an_lad_that_winds_round_the_apex_is_the_lad():
     assert (names["LAD"], names["PDA"], names["D3"], names["S2"], dominant) == ("LAD", "PDA", "D3", "S2", "right")
 
 
+def test_no_two_ends_have_the_same_label():
+    """Right ventricular branches of the LAD and of the right coronary artery were both RV1."""
+    over_right = ((131, 0.44, 0), (142, 0.50, 0), (153, 0.56, 0))
+    pattern = PATTERNS["right"]
+    arteries = tuple(replace(a, course=over_right) if a.name == "D2" else a for a in pattern.arteries)
+    with patch.dict(PATTERNS, crossing=replace(pattern, arteries=arteries)):
+        anatomy = patient_anatomy(3, "crossing", ())
+    found, _ = labelled(anatomy)
+    labels = [label.label for label in found.values()]
+    assert {label.branch for label in found.values() if kind(label.label) == "RV"} == {"LAD", "RCA"}
+    assert len({*labels}) == len(labels)
+
+
+def test_a_label_that_the_files_give_to_one_end_is_not_offered_to_another():
+    vessels = [straight("LAD_1", (0, 0, 0), (0, 0, 1), 2.0, (0.2, 0.2))]
+    for k, (side, onwards) in enumerate([("x", "LAD_2"), ("D1", "LAD"), ("y", "lad"), ("z", "Lad")]):
+        start = vessels[0].points[-1] + (0, 0, k)
+        parent = vessels[0].name if k == 0 else vessels[-1].name
+        vessels.append(straight(side, start, (1, 0, 0), 1.0, (0.1, 0.1), parent))
+        vessels.append(straight(onwards, start, (0, 0, 1), 1.0, (0.18, 0.15), parent))
+    tree = Tree(vessels)
+    found = label_ends(tree, [v.name for v in tree.leaves()])
+    assert (found["D1"].label, found["x"].label, found["y"].label) == ("D1", "D2", "D3")
+    two = [straight("trunk", (0, 0, 0), (0, 0, 1), 2.0, (0.2, 0.2))]
+    two += [straight(name, (0, 0, 2), (x, 0, 1), 3.0, (0.1, 0.1), "trunk") for name, x in (("cx", 1), ("LCx", 0))]
+    assert sorted(end.label for end in label_ends(Tree(two), ["cx", "LCx"]).values()) == ["LCx", "LCx_2"]
+
+
 @given(angles=st.tuples(*[st.floats(-180, 180)] * 3), shift=st.floats(-30, 30))
 @settings(max_examples=5, deadline=None)
 @example(angles=(-34.387691671735695, 84.25, 2.4375), shift=20.0)  # two ends of one fork, equal but for rounding
@@ -174,7 +202,8 @@ def test_a_tree_that_is_no_heart_is_labelled_without_a_fault(seed, kind):
         grow(side, "aorta", vessels[0].points[-1], float(random.uniform(0.3, 5)))
     tree = Tree(vessels)
     ends = [v.name for v in tree.leaves() if v.name != "aorta"]
-    assert {*label_ends(tree, ends)} == {*ends}
+    found = label_ends(tree, ends)
+    assert {*found} == {*ends} and len({end.label for end in found.values()}) == len(ends)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         find_dominance(tree, dict(zip(ends, random.choice(["LAD", "LCx", "RCA"], len(ends)), strict=True)), {})
@@ -194,6 +223,18 @@ def test_the_mirror_image_of_a_heart_is_noted(dominance):
     anatomy = varied_anatomy(7, dominance).anatomy
     branches = {outlet.vessel: outlet.branch for outlet in anatomy.outlets}
     assert handedness_notes(anatomy.tree, branches) == ()
-    mirrored = Tree(replace(v, points=v.points * [-1, 1, 1]) for v in anatomy.tree)
-    (told,) = handedness_notes(mirrored, branches)
-    assert "mirror image" in told
+    flipped = Tree(replace(v, points=v.points * [-1, 1, 1]) for v in anatomy.tree)
+    exchanged = Tree(replace(v, points=v.points[:, ::-1]) for v in anatomy.tree)
+    for tree in (flipped, exchanged):
+        (told,) = handedness_notes(tree, branches)
+        assert "mirror image" in told and "one axis flipped" in told and "two exchanged" in told
+    turned = Tree(replace(v, points=v.points * [-1, -1, 1]) for v in anatomy.tree)  # as between RAS and LPS
+    assert handedness_notes(turned, branches) == ()
+
+
+@pytest.mark.parametrize("pair", [("LAD", "LCx"), ("LCx", "RCA")])
+def test_exchanged_names_of_arteries_also_make_a_heart_look_mirrored(pair):
+    anatomy = varied_anatomy(7, "right").anatomy
+    others = {artery: artery for artery in ("LAD", "LCx", "RCA")} | dict([pair, pair[::-1]])
+    (told,) = handedness_notes(anatomy.tree, {outlet.vessel: others[outlet.branch] for outlet in anatomy.outlets})
+    assert " and ".join(pair) in told

@@ -181,6 +181,16 @@ def test_of_a_network_the_arteries_that_no_name_tells_are_asked_for_in_one_line(
     assert all(f"{name} (vessel " in asked for name in names) and found.sketch.tree is not None
 
 
+def test_beds_of_a_network_whose_names_differ_by_their_prefix_have_rows_of_their_own(here):
+    text = Path("loop.json")
+    write_json(text, loop())
+    text.write_text(text.read_text().replace("BC_lca1", "BC_LAD").replace("BC_lca2", "LAD"))
+    assert init("loop.json", "--yes") == 0
+    rows = [line.split(",") for line in Path("mine/outlets.csv").read_text().splitlines()]
+    names = [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
+    assert [(row["name"], row["bc"]) for row in names] == [("LAD", "BC_LAD"), ("LAD_2", "LAD")]
+
+
 def test_nothing_is_overwritten_and_the_line_names_the_file(here, capsys):
     write_tree("tree.vtp", small_tree())
     Path("mine").mkdir()

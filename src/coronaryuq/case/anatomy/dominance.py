@@ -40,13 +40,17 @@ def find_dominance(tree: Tree, branches: Mapping[str, Branch], labels: Mapping[s
 
 
 def handedness_notes(tree: Tree, branches: Mapping[str, Branch]) -> tuple[str, ...]:
-    """Return a note if the arteries lie as in the mirror image of a heart. branches: coronary end → its artery."""
+    """Return a note if the arteries lie as in the mirror image of a heart. branches: coronary end → its artery.
+
+    The arteries alone cannot tell a mirrored file from exchanged names.
+    """
     courses = find_courses(Paths(tree), branches)
     if courses is None or not courses.mirrored:
         return ()
     return (
-        "anatomy: LAD, LCx and RCA lie as in the mirror image of a heart: is an axis flipped, as between RAS and LPS, "
-        "or LCx called RCA? (in situs inversus it is right)",
+        "anatomy: LAD, LCx and RCA lie as in the mirror image of a heart: either the file is mirrored (one axis "
+        "flipped, or two exchanged), or two arteries have each other's name (LAD and LCx, or LCx and RCA); in situs "
+        "inversus it is right",
     )
 
 

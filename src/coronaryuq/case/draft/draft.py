@@ -15,7 +15,7 @@ from coronaryuq.case.anatomy.vessel_names import course, natural_key
 from coronaryuq.case.anatomy.wire_places import distance_from_ostium
 from coronaryuq.case.case_json import Branch, Dominance, Point, Tissue
 from coronaryuq.case.description.fields import Anatomy, Description, SystemicOutlet, TerritoryFlows
-from coronaryuq.case.draft.labels import BRANCHES, artery_of, label_ends, tissue_of
+from coronaryuq.case.draft.labels import BRANCHES, artery_of, free_name, label_ends, tissue_of
 from coronaryuq.case.draft.source import End, Source
 from coronaryuq.case.network.topology import CORONARY, Topology, closed_loop_tree
 from coronaryuq.case.settings import Settings
@@ -122,7 +122,7 @@ def draft_anatomy(source: Source, unit: str, aortic: Collection[str], settings: 
     rows, taken = [], set[str]()
     for vessel in (v.name for v in tree.leaves() if v.name in labels):
         end = labels[vessel]
-        name = _free(re.sub(r"[^A-Za-z0-9_.-]+", "_", vessel).lstrip("_.-") or "end", taken)
+        name = free_name(re.sub(r"[^A-Za-z0-9_.-]+", "_", vessel).lstrip("_.-") or "end", taken)
         rows.append(DraftRow(name, end.label, end.branch, end.perfuses, vessel, named=end.named))
     real = [end for end in ends if end.name in aortic and end.name not in made]
     systemic = [{"name": f"BC_RCR{k + 1}", "vessel": end.name} for k, end in enumerate(_if_narrow(real, ends, aortic))]
@@ -147,7 +147,7 @@ def _of_lumen(source: Source, unit: str, ends: list[End], aortic: Collection[str
     named = []
     for row in sorted(rows, key=lambda row: (_order(labels[row.name].branch), *natural_key(labels[row.name].label))):
         end = labels[row.name]
-        named.append(DraftRow(_free(end.label, taken), end.label, end.branch, end.perfuses, point=row.point))
+        named.append(DraftRow(free_name(end.label, taken), end.label, end.branch, end.perfuses, point=row.point))
     if tree.root.branch == AORTA and not tree.root.made:
         x, y, z = (float(value) / LENGTHS[unit] for value in tree.root.points[0])
         inlet = _rounded((x, y, z))
@@ -173,12 +173,6 @@ def _if_narrow(real: list[End], ends: list[End], aortic: Collection[str]) -> lis
 def _rounded(point: Point) -> Point:
     x, y, z = (round(value, 6) + 0.0 for value in point)
     return x, y, z
-
-
-def _free(name: str, taken: set[str]) -> str:
-    free = next(c for k in range(len(taken) + 1) if (c := name if not k else f"{name}_{k + 1}").lower() not in taken)
-    taken.add(free.lower())
-    return free
 
 
 def _described(draft: Draft) -> tuple[Path, Description, Anatomy, list[OutletRow]]:
@@ -242,12 +236,12 @@ def draft_network(source: Source) -> Draft:
         If it is no closed loop with one tree of vessels.
     """
     topology = closed_loop_tree(read_json(source.path), source.path)
-    rows = []
+    rows, taken = [], set[str]()
     for bc, vessel in sorted(topology.vessel_of.items(), key=lambda entry: natural_key(entry[0])):
         if topology.kind(bc) not in CORONARY:
             continue
         right = CORONARY[topology.kind(bc)]
-        name = bc.removeprefix("BC_")
+        name = free_name(bc.removeprefix("BC_"), taken)
         branch: Branch | None = "RCA" if right else _named_artery(topology, bc, vessel)
         own = f"BC_{name}" == bc
         perfuses = tissue_of(name, branch) or (None if right else "LV")

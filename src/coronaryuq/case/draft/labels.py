@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
@@ -35,7 +35,10 @@ left arteries are not there to tell the heart's directions."""
 
 @dataclass(frozen=True)
 class EndLabel:
-    """What an end of the tree is: artery and tissue (None: unknown), its usual label, whether its name says so."""
+    """What an end of the tree is: artery and tissue (None: unknown), its usual label, whether its name says so.
+
+    No two ends of a tree have the same label.
+    """
 
     branch: Branch | None
     label: str
@@ -69,12 +72,44 @@ def label_ends(tree: Tree, ends: Sequence[str], names_tell: bool = True) -> dict
     by_place = _by_place(paths, ends, {end: branch for end, (branch, _) in branches.items()})
     branches |= {end: (branch, False) for end, branch in by_place.items()}
     labels: dict[str, EndLabel] = {}
+    numbers = _Numbers(ends)
     courses = find_courses(paths, known_branches := {end: b for end, (b, _) in branches.items() if b is not None})
     for branch in BRANCHES:
         own = [end for end in known_branches if known_branches[end] == branch]
-        for end, (label, perfuses) in _along_artery(paths, own, branch, courses).items():
+        for end, (label, perfuses) in _along_artery(paths, own, branch, courses, numbers).items():
             labels[end] = EndLabel(branch, label, perfuses, branches[end][1])
-    return {end: labels.get(end) or EndLabel(None, end, None, False) for end in ends}
+    return _unique({end: labels.get(end) or EndLabel(None, end, None, False) for end in ends})
+
+
+class _Numbers:
+    """Numbers of side branches, which go on from artery to artery and leave out those that the files' names have."""
+
+    def __init__(self, ends: Sequence[str]) -> None:
+        self._taken = {end.lower() for end in ends}
+        self._last: Counter[str] = Counter()
+
+    def next(self, stem: str) -> str:
+        """Return the kind of a branch with its next free number."""
+        self._last[stem] += 1
+        label = f"{stem}{self._last[stem]}"
+        return self.next(stem) if label.lower() in self._taken else label
+
+
+def _unique(labels: dict[str, EndLabel]) -> dict[str, EndLabel]:
+    """Return the labels with a number behind those that another end has; a name in the files keeps its own."""
+    found: dict[str, EndLabel] = {}
+    taken: set[str] = set()
+    for end in sorted(labels, key=lambda end: labels[end].label.lower() != end.lower()):
+        label = free_name(labels[end].label, taken)
+        found[end] = replace(labels[end], label=label)
+    return {end: found[end] for end in labels}
+
+
+def free_name(name: str, taken: set[str]) -> str:
+    """Return a name, with a number behind it if it is taken whatever its capitals, and add it to `taken`."""
+    free = next(c for k in range(len(taken) + 1) if (c := name if not k else f"{name}_{k + 1}").lower() not in taken)
+    taken.add(free.lower())
+    return free
 
 
 def artery_of(name: str, branch: str = AORTA) -> Branch | None:
@@ -192,7 +227,7 @@ def _left_arteries(
 
 
 def _along_artery(
-    paths: Paths, ends: Sequence[str], branch: Branch, courses: Courses | None
+    paths: Paths, ends: Sequence[str], branch: Branch, courses: Courses | None, numbers: _Numbers
 ) -> dict[str, tuple[str, Tissue]]:
     """Return label and tissue of the ends of an artery: its own end, and side branches numbered along its course."""
     if not ends:
@@ -210,7 +245,6 @@ def _along_artery(
     first = min((arc[place] for place in leaves_at.values()), default=0.0)
     crux = first + CRUX * (arc[main] - first)
     labels: dict[str, tuple[str, Tissue]] = {}
-    numbers: Counter[str] = Counter()
     for (place, _), own in side.items():
         stems = {
             end: _stem_by_distance(branch, arc[place] >= crux)
@@ -221,18 +255,18 @@ def _along_artery(
         if branch == "RCA" and "PL" in stems.values():  # what leaves a posterolateral trunk is posterolateral
             stems = dict.fromkeys(own, "PL")
         stems |= {end: "S" for end in own if says(end, SEPTUM)}
+        names = {end: _own_label(end) for end in own}
         for stem in dict.fromkeys(stems.values()):
-            alike = [end for end in own if stems[end] == stem]
+            alike = [end for end in own if stems[end] == stem and names[end] is None]
             if stem == "PL":  # each has its own number, in the order in which they leave their trunk
                 # The arc of the vessel before it is one number for both ends of a fork.
                 alike.sort(key=lambda end: (arc[tree.path(end)[-2].name], end))
+            number = ""
             for k, end in enumerate(alike):
-                numbers[stem] += k == 0 or stem == "PL"
-                letter = chr(ord("a") + k) if k and stem != "PL" else ""
-                labels[end] = (
-                    _own_label(end) or f"{stem}{numbers[stem]}{letter}",
-                    tissue_of(end, None) or TISSUES.get(stem, "LV"),
-                )
+                number = numbers.next(stem) if k == 0 or stem == "PL" else number
+                names[end] = number + (chr(ord("a") + k) if k and stem != "PL" else "")
+        for end, label in names.items():
+            labels[end] = (label or end, tissue_of(end, None) or TISSUES.get(stems[end], "LV"))
     tissue: Tissue = "LV"
     if courses is None:
         posterior = branch == "RCA" and any(arc[place] >= crux for end, place in leaves_at.items() if end != main)
