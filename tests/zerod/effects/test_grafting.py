@@ -1,12 +1,22 @@
 """Elements added where a vessel ends in a junction with values of its own."""
 
+import re
+
+import numpy as np
 import pytest
 
-from coronaryuq.case.network.network import Network
+from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
+from coronaryuq.case.network.network import GRAFTED, Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import ConditionState, Series
+from coronaryuq.zerod.effects.flow_source import FlowSource
 from coronaryuq.zerod.effects.grafting import open_end
-from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.effects.library import SEARCHED, effect
+from coronaryuq.zerod.effects.quadratic import QuadraticLoss
+from coronaryuq.zerod.network.read import check_network
 from coronaryuq.zerod.solver.engine import Engine
+from support.pullbacks import pulled_through
+from support.zerod_networks import closed_loop
 
 INFLOW, LEAK = 5.0, effect("side_branch_leak")
 
@@ -72,3 +82,46 @@ def test_a_leak_at_a_junction_with_values_acts_ahead_of_it(network):
     )
     assert flow == pytest.approx(INFLOW) and behind == pytest.approx(one + two)
     assert flow - behind == pytest.approx(pressure / resistance)
+
+
+def renamed(value, names):
+    """The value, a network or a part of one, with other names wherever they stand, in locations and targets too."""
+    if isinstance(value, dict):
+        return {renamed(key, names): renamed(entry, names) for key, entry in value.items() if key != GRAFTED}
+    if isinstance(value, list):
+        return [renamed(entry, names) for entry in value]
+    return "".join(names.get(part, part) for part in re.split("([:.])", value)) if isinstance(value, str) else value
+
+
+def with_effect(network, one, place):
+    """The network with an effect, its renamed locations, what it changes, and the names of its vessels by stem."""
+    anatomy = Anatomy(network, 1.2e5, {}, 0.85)
+    changed = one.insert(network, place, anatomy)
+    check_network(changed)
+    sizes = {p.name: np.array([p.centre + 0.1]) for p in one.parameters}
+    changes = one.changes(changed, place, sizes, anatomy, ConditionState(0.5, 0.85, {}, {}, {}))
+    changes = {name: np.ravel(value).tolist() for name, value in changes.items()}
+    stems = {vessel[GRAFTED]: vessel["vessel_name"] for vessel in changed.vessels if GRAFTED in vessel}
+    return [changed, one.aliases(place, anatomy), changes], stems
+
+
+@pytest.mark.parametrize("make", [left_coronary, closed_loop])
+@pytest.mark.parametrize("one", [*(one for one in SEARCHED if one.grafted), FlowSource()], ids=lambda one: one.name)
+def test_vessels_beds_and_junctions_of_an_effect_take_no_name_of_the_patients(one, make):
+    """Two of one name were one block: the network was refused, or the effect acted on the patient's own vessel."""
+    network = make()
+    anatomy = Anatomy(network)
+    probes = [Series("rest", "flow", f"{vessel}:{bed}", "mean", None, 1.0) for bed, vessel in anatomy.beds.items()]
+    place = next(iter(one.places(anatomy, [*probes, pulled_through(anatomy.coronary_vessels[-1])])), None)
+    if place is None:
+        pytest.skip("acts nowhere in this network")
+    plain, stems = with_effect(network, one, place)
+    assert stems, "adds vessels"
+    own = {*place.split("~"), *(one.vessels(place, anatomy) if isinstance(one, QuadraticLoss) else [])}
+    others = [name for name in (*anatomy.vessels, *anatomy.beds, "J0") if name not in own and name in network.names]
+    for name in sorted(plain[0].names - network.names):
+        for other in others:
+            patient = Network(renamed(network, {other: name}))
+            found, new = with_effect(patient, one, place)
+            back = {f"{kind}{new[stem]}": f"{kind}{stems[stem]}" for stem in stems for kind in ("", "BC_", "J_")}
+            assert renamed(found, back | {name: other}) == renamed(plain, {}), (name, other)

@@ -21,6 +21,9 @@ ENTRANCE = "entrance"
 
 Entry = dict[str, Any]
 
+GRAFTED = "grafted"
+"""Another: what the vessel of an effect is for; no vessel of the patient has it. See `zerod.effects.grafting`."""
+
 
 class Element(NamedTuple):
     """One block with parameters: its part of the file, name, type and values."""
@@ -123,6 +126,11 @@ class Network(dict[str, Any]):
             yield Element("chambers", block["name"], block["type"], block["values"])
             activation = block["activation_function"]
             yield Element("chambers", block["name"], activation["type"], activation)
+
+    @property
+    def names(self) -> set[str]:
+        """Names of all blocks, those that svZeroDSolver adds to a closed loop included."""
+        return {element.name for element in self.elements()} | {HEART, BEFORE_HEART, AFTER_HEART}
 
     @property
     def held(self) -> set[str]:

@@ -12,6 +12,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedE
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.effects.grafting import grafted
 from coronaryuq.zerod.effects.library import SEARCHED
 from coronaryuq.zerod.effects.quadratic import TAG
 from coronaryuq.zerod.effects.stenosis import FOCAL
@@ -146,7 +147,8 @@ def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effe
     fitted = {forward.measured[i].condition for i in np.unique(problem.owner[problem.train])}
     observed = [series for series in forward.measured if series.condition in fitted]
     # A vessel inserted for the loss of another vessel is part of that vessel, not a separate place.
-    inserted = {f"{vessel}_{tag}" for vessel in forward.anatomy.vessels for tag in (TAG, FOCAL)}
+    stems = [f"{vessel}_{tag}" for vessel in forward.anatomy.vessels for tag in (TAG, FOCAL)]
+    inserted = {grafted(forward.anatomy.network, stem) for stem in stems}
     # A vessel with a declared stenosis has no compliance of its own (`conditions.under`).
     stenosed = {vessel for condition in forward.conditions.values() for vessel in condition.stenosis}
     places = {

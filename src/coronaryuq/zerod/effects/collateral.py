@@ -10,6 +10,7 @@ from coronaryuq.zerod.effects.grafting import (
     DISTAL,
     add_vessel,
     attach,
+    grafted_name,
     locations_renamed,
     open_end,
     probes_kept,
@@ -37,7 +38,7 @@ class Collateral(Effect):
         network, upper, _ = open_end(network, source, self.tag)
         network, lower, _ = open_end(network, sink, self.tag)
         weak = 1e9 * anatomy.pressure / min(anatomy.flow_scale(source), anatomy.flow_scale(sink))
-        number = add_vessel(network, self._vessel(place), {"R_poiseuille": weak})
+        number = add_vessel(network, f"{self.added}_{place}", {"R_poiseuille": weak})
         attach(network, upper, "outlet", number)
         attach(network, lower, "inlet", number)
         return network
@@ -49,13 +50,11 @@ class Collateral(Effect):
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
     ) -> Values:
-        return {f"{self._vessel(place)}.R_poiseuille": self._resistance(place, sizes["conductance"], anatomy)}
+        vessel = grafted_name(network, f"{self.added}_{place}")
+        return {f"{vessel}.R_poiseuille": self._resistance(place, sizes["conductance"], anatomy)}
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return {"resistance of the collateral": self._resistance(place, sizes["conductance"], anatomy)}
-
-    def _vessel(self, place: str) -> str:
-        return f"{self.added}_{place.replace('~', '_')}"
 
     @staticmethod
     def _resistance(place: str, conductance: Number, anatomy: Anatomy) -> Number:

@@ -7,7 +7,7 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import WAVE_POINTS, ConditionState, Effect, Parameter, Series, Values
-from coronaryuq.zerod.effects.grafting import add_vessel, attach, locations_renamed, open_end
+from coronaryuq.zerod.effects.grafting import add_vessel, attach, grafted_name, locations_renamed, open_end
 
 HARMONICS = 6
 """Harmonics of the beat, of which the waveform has a sine and a cosine each besides its mean."""
@@ -48,10 +48,11 @@ class FlowSource(Effect):
 
     def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network, junction, _ = open_end(network, place, TAG)
-        bed, period = f"BC_{TAG}_{place}", float(anatomy.period)
+        stem, period = f"{TAG}_{place}", float(anatomy.period)
+        bed = f"BC_{grafted_name(network, stem)}"
         silent = {"t": [0.0, period], "Q": [0.0, 0.0]}
+        attach(network, junction, "outlet", add_vessel(network, stem, {"R_poiseuille": 0.0}, outlet=bed))
         network["boundary_conditions"].append({"bc_name": bed, "bc_type": "FLOW", "bc_values": silent})
-        attach(network, junction, "outlet", add_vessel(network, f"{TAG}_{place}", {"R_poiseuille": 0.0}, outlet=bed))
         return network
 
     def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
@@ -62,4 +63,5 @@ class FlowSource(Effect):
     ) -> Values:
         weights = np.stack([np.asarray(sizes[one.name], dtype=float) for one in self.parameters], axis=-1)
         waves = weights @ basis(np.linspace(0.0, 1.0, WAVE_POINTS))
-        return {f"BC_{TAG}_{place}.Q": anatomy.flow_scale(place) * waves}
+        bed = f"BC_{grafted_name(network, f'{TAG}_{place}')}"
+        return {f"{bed}.Q": anatomy.flow_scale(place) * waves}

@@ -1,10 +1,32 @@
-"""Vessels and junctions added to a 0D network without disturbing the flow through it."""
+"""Vessels and junctions added to a 0D network without disturbing the flow through it.
 
-from coronaryuq.case.network.network import Network
+An added vessel has a stem, such as `LAD_leak`, by which its effect finds it again. That is its name, too, unless the
+patient has a vessel, bed or junction of that name.
+"""
+
+from coronaryuq.case.network.network import GRAFTED, Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 
 DISTAL = "distal"
 """Suffix of stubs beyond the probes."""
+
+
+def grafted(network: Network, stem: str) -> str | None:
+    """Return the name of the vessel that was added under a stem; None if there is none."""
+    return next((vessel["vessel_name"] for vessel in network.vessels if vessel.get(GRAFTED) == stem), None)
+
+
+def grafted_name(network: Network, stem: str) -> str:
+    """Return the name of the vessel of a stem, whether it is there already or is to be added.
+
+    Its bed is `BC_NAME`, its junction `J_NAME`; the name has as few underscores at its end as leave all three free.
+    """
+    if present := grafted(network, stem):
+        return present
+    name, taken = stem.replace("~", "_"), network.names
+    while taken & {name, f"BC_{name}", f"J_{name}"}:
+        name += "_"
+    return name
 
 
 def open_end(network: Network, vessel: str, tag: str) -> tuple[Network, str, dict[str, str]]:
@@ -25,15 +47,17 @@ def open_end(network: Network, vessel: str, tag: str) -> tuple[Network, str, dic
     renamed = locations_renamed(anatomy, vessel, tag)
     if not renamed:
         return network, anatomy.downstream[vessel], {}
-    stub, junction = f"{vessel}_{tag}", f"J_{vessel}_{tag}"
+    stem = f"{vessel}_{tag}"
+    stub = grafted_name(network, stem)
+    junction = f"J_{stub}"
     parent = network.vessel(vessel)
     if vessel in anatomy.outlet_bc:
         del parent["boundary_conditions"]["outlet"]
         if not parent["boundary_conditions"]:
             del parent["boundary_conditions"]
-        number = add_vessel(network, stub, {"R_poiseuille": 0.0}, outlet=anatomy.outlet_bc[vessel])
+        number = add_vessel(network, stem, {"R_poiseuille": 0.0}, outlet=anatomy.outlet_bc[vessel])
     else:
-        number = add_vessel(network, stub, {"R_poiseuille": 0.0})
+        number = add_vessel(network, stem, {"R_poiseuille": 0.0})
         _reconnect(network.junction(anatomy.downstream[vessel]), "inlet", parent, number, stub)
     _add_junction(network, junction, parent["vessel_id"], number)
     return network, junction, renamed
@@ -41,18 +65,18 @@ def open_end(network: Network, vessel: str, tag: str) -> tuple[Network, str, dic
 
 def locations_renamed(anatomy: Anatomy, vessel: str, tag: str) -> dict[str, str]:
     """Return old name → new name of the location that `open_end` renames."""
-    end = anatomy.downstream[vessel]
+    end, stub = anatomy.downstream[vessel], grafted_name(anatomy.network, f"{vessel}_{tag}")
     if vessel in anatomy.outlet_bc:
-        return {f"{vessel}:{end}": f"{vessel}_{tag}:{end}"}
+        return {f"{vessel}:{end}": f"{stub}:{end}"}
     if "junction_values" in anatomy.network.junction(end):
-        return {f"{vessel}:{end}": f"{vessel}:J_{vessel}_{tag}"}
+        return {f"{vessel}:{end}": f"{vessel}:J_{stub}"}
     return {}
 
 
 def probes_kept(anatomy: Anatomy, vessel: str) -> dict[str, str]:
     """Return old → new name of the end of an outlet vessel with a `DISTAL` stub, where its probes stay ahead of it."""
-    end = anatomy.downstream[vessel]
-    return {f"{vessel}:{end}": f"{vessel}:J_{vessel}_{DISTAL}"} if vessel in anatomy.outlet_bc else {}
+    end, stub = anatomy.downstream[vessel], grafted_name(anatomy.network, f"{vessel}_{DISTAL}")
+    return {f"{vessel}:{end}": f"{vessel}:J_{stub}"} if vessel in anatomy.outlet_bc else {}
 
 
 def into_bed(location: str, bed: str) -> str:
@@ -67,13 +91,14 @@ def put_ahead(network: Network, vessel: str, tag: str) -> Network:
     The location where the vessel began, `FEEDER:VESSEL`, becomes `FEEDER:VESSEL_TAG`.
     """
     network = network.deep_copy()
-    stub, junction = f"{vessel}_{tag}", f"J_{vessel}_{tag}"
+    stem = f"{vessel}_{tag}"
+    stub = grafted_name(network, stem)
     below = network.vessel(vessel)
     inlet = below.get("boundary_conditions", {}).pop("inlet", None)
-    number = add_vessel(network, stub, {"R_poiseuille": 0.0}, **({"inlet": inlet} if inlet else {}))
+    number = add_vessel(network, stem, {"R_poiseuille": 0.0}, **({"inlet": inlet} if inlet else {}))
     for feeder in [*network.junctions, *network.get("closed_loop_blocks", [])]:
         _reconnect(feeder, "outlet", below, number, stub)
-    _add_junction(network, junction, number, below["vessel_id"])
+    _add_junction(network, f"J_{stub}", number, below["vessel_id"])
     return network
 
 
@@ -98,15 +123,19 @@ def _reconnect(block: dict, side: str, vessel: dict, number: int, name: str) -> 
             block[key] = [new if entry == old else entry for entry in block[key]]
 
 
-def add_vessel(network: Network, name: str, values: dict[str, float], **ends: str) -> int:
-    """Append a vessel with the element `values` and boundary conditions `inlet=`, `outlet=`; return its id."""
+def add_vessel(network: Network, stem: str, values: dict[str, float], **ends: str) -> int:
+    """Append a vessel with the element `values` and boundary conditions `inlet=`, `outlet=`; return its id.
+
+    A bed of its own is to be added behind it, so that its name is chosen while that of the bed is free.
+    """
     number = 1 + max(network.vessel_names)
     vessel = {
         "vessel_id": number,
-        "vessel_name": name,
+        "vessel_name": grafted_name(network, stem),
         "vessel_length": 0.0,
         "zero_d_element_type": "BloodVessel",
         "zero_d_element_values": dict(values),
+        GRAFTED: stem,
     }
     if ends:
         vessel["boundary_conditions"] = dict(ends)

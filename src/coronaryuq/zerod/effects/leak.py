@@ -9,6 +9,7 @@ from coronaryuq.zerod.effects.grafting import (
     DISTAL,
     add_vessel,
     attach,
+    grafted_name,
     locations_renamed,
     open_end,
     probes_kept,
@@ -34,14 +35,14 @@ class SideBranchLeak(Effect):
     def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network, junction, _ = open_end(network, place, self.tag)
         weak = 1e9 * anatomy.pressure / anatomy.flow_scale(place)
-        bed = f"BC_{self.added}_{place}"
+        bed = self._bed(network, place)
+        leak = add_vessel(network, f"{self.added}_{place}", {"R_poiseuille": 0.0}, outlet=bed)
         if anatomy.closed_loop:
             values = {"Rp": 0.1 * weak, "Rd": 0.9 * weak, "C": 0.0, "closed_loop_outlet": True}
             block = {"bc_name": bed, "bc_type": "ClosedLoopRCR", "bc_values": values}
         else:
             block = {"bc_name": bed, "bc_type": "RESISTANCE", "bc_values": {"R": weak, "Pd": 0.0}}
         network["boundary_conditions"].append(block)
-        leak = add_vessel(network, f"{self.added}_{place}", {"R_poiseuille": 0.0}, outlet=bed)
         attach(network, junction, "outlet", leak)
         return network
 
@@ -51,13 +52,16 @@ class SideBranchLeak(Effect):
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
     ) -> Values:
-        resistance, bed = self._resistance(place, sizes["share"], anatomy), f"BC_{self.added}_{place}"
+        resistance, bed = self._resistance(place, sizes["share"], anatomy), self._bed(network, place)
         if anatomy.closed_loop:
             return {f"{bed}.Rp": 0.1 * resistance, f"{bed}.Rd": 0.9 * resistance}
         return {f"{bed}.R": resistance}
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return {"resistance of the leak": self._resistance(place, sizes["share"], anatomy)}
+
+    def _bed(self, network: Network, place: str) -> str:
+        return f"BC_{grafted_name(network, f'{self.added}_{place}')}"
 
     @staticmethod
     def _resistance(place: str, share: Number, anatomy: Anatomy) -> Number:

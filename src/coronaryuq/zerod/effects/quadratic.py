@@ -5,7 +5,7 @@ from typing import ClassVar
 from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Values
-from coronaryuq.zerod.effects.grafting import put_ahead
+from coronaryuq.zerod.effects.grafting import grafted, grafted_name, put_ahead
 
 TAG = "loss"
 
@@ -41,15 +41,15 @@ class QuadraticLoss(Effect):
 
     def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
         vessels = self._without_stub(anatomy.network, place, anatomy)
-        return {anatomy.inlet(v): f"{anatomy.upstream[v]}:{v}_{self.tag}" for v in vessels}
+        stubs = {v: grafted_name(anatomy.network, f"{v}_{self.tag}") for v in vessels}
+        return {anatomy.inlet(v): f"{anatomy.upstream[v]}:{stubs[v]}" for v in vessels}
 
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
     ) -> Values:
         changes: Values = {}
         for vessel in self.vessels(place, anatomy):
-            ahead = f"{vessel}_{self.tag}"
-            name = ahead if _has(network, ahead) else vessel
+            name = grafted(network, f"{vessel}_{self.tag}") or vessel
             present = network.vessel_values(name).get("stenosis_coefficient", 0.0)
             changes[f"{name}.stenosis_coefficient"] = present + self._coefficient(vessel, sizes["loss"], anatomy)
         return changes
@@ -67,7 +67,7 @@ class QuadraticLoss(Effect):
         return [
             vessel
             for vessel in self.vessels(place, anatomy)
-            if self._added(network, vessel) and not _has(network, f"{vessel}_{self.tag}")
+            if self._added(network, vessel) and not grafted(network, f"{vessel}_{self.tag}")
         ]
 
     def _added(self, network: Network, vessel: str) -> bool:
@@ -77,7 +77,3 @@ class QuadraticLoss(Effect):
     @staticmethod
     def _coefficient(vessel: str, loss: Number, anatomy: Anatomy) -> Number:
         return loss * anatomy.pressure / anatomy.flow_scale(vessel) ** 2
-
-
-def _has(network: Network, vessel: str) -> bool:
-    return any(entry["vessel_name"] == vessel for entry in network.vessels)

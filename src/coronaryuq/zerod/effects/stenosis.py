@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
-from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.network import GRAFTED, Network
 from coronaryuq.core import units
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Number, Parameter, Series, Values
+from coronaryuq.zerod.effects.grafting import grafted, grafted_name
 from coronaryuq.zerod.effects.quadratic import QuadraticLoss
 
 FOCAL = "focal"
@@ -88,18 +89,17 @@ class FocalStenosis(StenosisWithViscousLoss):
     )
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        passed = pulled_through(observed)
-        return [
-            vessel
-            for vessel in anatomy.coronary_vessels
-            if vessel in passed and not vessel.endswith(f"_{FOCAL}") and f"{vessel}_{FOCAL}" not in anatomy.vessels
-        ]
+        passed, network = pulled_through(observed), anatomy.network
+        have = {vessel for vessel in passed if grafted(network, f"{vessel}_{FOCAL}")}
+        have |= {v["vessel_name"] for v in network.vessels if v.get(GRAFTED, "").endswith(f"_{FOCAL}")}
+        return [vessel for vessel in anatomy.coronary_vessels if vessel in passed and vessel not in have]
 
     def extent(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> tuple[str, float, float]:
         whole = anatomy.length(place)
         length = min(sizes["length"], whole)
         start = (whole - length) * sizes["position"] / (1.0 + sizes["position"])
-        return f"{place}_{FOCAL}", float(start), float(start + length)
+        added = grafted_name(anatomy.network, f"{place}_{FOCAL}")
+        return added, float(start), float(start + length)
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         _, start, end = self.extent(place, sizes, anatomy)

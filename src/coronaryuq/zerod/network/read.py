@@ -12,6 +12,7 @@ from coronaryuq.case.network.network import (
     AFTER_HEART,
     BEFORE_HEART,
     ENTRANCE,
+    GRAFTED,
     HEART,
     HEART_TYPE,
     LUMEN,
@@ -77,8 +78,9 @@ _SIMULATION = {
 _VESSEL = {"vessel_name", "vessel_id", "vessel_length", "boundary_conditions", "zero_d_element_type"}
 _VESSEL |= {"zero_d_element_values"}
 # Ours, for pullbacks, ignored by svZeroDSolver: where in the vessel behind it the loss of this one lies (cm), and radii
-# (cm) at even distances, and the fraction of the stenosis coefficient that stands for the entrance from the aorta.
-_VESSEL |= {"placed_in", "radii", ENTRANCE}
+# (cm) at even distances, and the fraction of the stenosis coefficient that stands for the entrance from the aorta; and
+# what a vessel that an effect added is for.
+_VESSEL |= {"placed_in", "radii", ENTRANCE, GRAFTED}
 _BOUNDARY = {"bc_name", "bc_type", "bc_values"}
 _JUNCTION = {"junction_name", "junction_type", "junction_values", "areas"}
 _JUNCTION |= {"inlet_vessels", "outlet_vessels", "inlet_blocks", "outlet_blocks"}
