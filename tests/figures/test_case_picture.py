@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 from coronaryuq.cli.check import check, draw_check
 from coronaryuq.core.errors import InputError
 from coronaryuq.figures import case_picture as drawn
-from coronaryuq.figures.label_places import place_labels
+from coronaryuq.figures.label_places import Discs, place_labels
 from support.case_files import small_tree, write_case
 
 
@@ -93,14 +95,56 @@ def test_the_place_where_ffr_is_read_is_drawn(tmp_path, shown):
     assert "FFR is read" not in shown and not any("beyond" in text for text in shown)
 
 
-def test_labels_cover_neither_one_another_nor_lines():
+def touches(box, discs: Discs) -> bool:
+    gaps = np.maximum(np.abs(discs.centres - box.centre) - box.half, 0.0)
+    return bool((np.linalg.norm(gaps, axis=1) < discs.radii).any())
+
+
+def test_labels_cover_neither_one_another_nor_markers_nor_lines():
+    """Markers that have no label, and the width of lines, were not counted."""
     line = np.stack([np.linspace(0, 10, 101), np.zeros(101)], axis=1)
     points = np.array([[2.0, 0.0], [2.2, 0.0], [5.0, 0.0], [9.9, 0.0]])
-    boxes = place_labels(points, [(2.0, 0.3)] * 4, line, 10.0)
+    lines = Discs(line, np.full(len(line), 0.2))
+    markers = Discs(np.array([[x, y] for x in (1.0, 3.0, 5.5, 8.0, 9.0) for y in (-0.7, 0.0, 0.7)]), np.full(15, 0.2))
+    boxes = place_labels(points, [(2.0, 0.3)] * 4, lines, markers, 10.0)
     for k, box in enumerate(boxes):
-        assert not box.covers(line).any()
-        assert not any(box.meets(other) for other in boxes[:k])
-        assert np.linalg.norm(box.anchor - points[k]) < 1.5
+        assert not touches(box, lines) and not touches(box, markers)
+        assert not any((np.abs(box.centre - other.centre) < box.half + other.half).all() for other in boxes[:k])
+        assert np.linalg.norm(box.anchor - points[k]) < 2.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_label_of_a_picture_lies_on_a_marker_or_another_label(tmp_path, monkeypatch, seed):
+    """By what is drawn, in the pictures of cases with several stenoses and places of a wire."""
+    inked: list[Bbox] = []
+    marked: list[Bbox] = []
+    original = drawn.saved
+
+    @contextmanager
+    def saved(output, **subplots):
+        with original(output, **subplots) as (figure, axes):
+            yield figure, axes
+            figure.canvas.draw()
+            # A text without its arrow, and without the scale bar's, which has none.
+            inked.extend(Text.get_window_extent(text) for text in axes.texts if text.arrow_patch is not None)
+            for line in axes.lines:
+                if line.get_marker() not in ("None", None) and len(line.get_xdata()):
+                    at = axes.transData.transform(line.get_xydata())[0]
+                    half = line.get_markersize() / 2 * figure.dpi / 72
+                    marked.append(Bbox([at - half, at + half]))
+
+    monkeypatch.setattr(drawn, "saved", saved)
+    random = np.random.default_rng(seed)
+    starts = np.sort(random.uniform(1.4, 4.4, 2)) + (0.0, 0.6)
+    stenoses = [f"{{name: R{k}, vessel: rca1, start: {at:.2f}, end: {at + 0.4:.2f}}}" for k, at in enumerate(starts)]
+    wires = [f"{{artery: {one}, distance: {random.uniform(2.5, 5):.2f}}}" for one in ("LAD", "LAD", "LCx", "RCA")]
+    path = write_case(tmp_path, small_tree(), stenoses=f"[{', '.join(stenoses)}]", ffr_at=f"[{', '.join(wires)}]")
+    found = check(path)
+    assert found.error is None and draw_check(found, None)
+    assert len(inked) == 10 and len(marked) >= 10
+    for k, box in enumerate(inked):
+        assert not any(box.overlaps(other) for other in inked[:k])
+        assert not any(box.overlaps(marker) for marker in marked)
 
 
 def test_a_registered_map_has_a_second_picture(tmp_path):

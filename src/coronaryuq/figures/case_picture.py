@@ -1,6 +1,6 @@
 """The vessels of a case as `coronaryuq check` understood them, before any campaign."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from coronaryuq.case.anatomy.tree import AORTA, Tree, Vessel, area_ratio
 from coronaryuq.case.sketch import EndRole, Sketch
 from coronaryuq.core.units import percent
-from coronaryuq.figures.label_places import Box, place_labels
+from coronaryuq.figures.label_places import Box, Discs, place_labels
 from coronaryuq.figures.style import DARK, Output, colour, saved
 
 MOST_CELLS = 4000
@@ -25,6 +25,12 @@ WIDTH, KEY = 7.5, 0.9
 """Inches: width of the figure, and height of scale bar and legend."""
 LETTER, LINE = 0.056, 0.125
 """Inches: width of a letter and height of a line of a label."""
+STENOSIS_WIDTH = 6.0
+"""Points."""
+POINT = 1 / 72
+"""Inches."""
+DOT_SIZE, RING_SIZE, DIAMOND_SIZE = 5.6, 8.6, 9.6
+"""Points: diameters of the markers with their edges."""
 SPACING = 0.01
 """Of the points along vessels that labels shall not cover, over the extent of the tree."""
 
@@ -45,7 +51,7 @@ def case_picture(sketch: Sketch, output: Output) -> None:
     flat = _plane(tree)
     places = _places(sketch, tree, roles)
     rings = [tree[s.vessel].position_at(s.read.arc)[None] for s in sketch.stenoses if s.read is not None]
-    boxes, low, high = _layout(places, rings, tree, flat)
+    boxes, low, high = _layout(places, rings, sketch, flat)
     size = (WIDTH, float(np.clip(WIDTH * (high - low)[1] / (high - low)[0] + KEY, 0.4 * WIDTH, 1.3 * WIDTH)))
     with saved(output, figsize=size) as (figure, axes):
         if sketch.wall is not None:
@@ -54,7 +60,7 @@ def case_picture(sketch: Sketch, output: Output) -> None:
             _vessel(axes, vessel, flat)
         for stenosis in sketch.stenoses:
             part = tree[stenosis.vessel].between(stenosis.start, stenosis.end)
-            for ink, lw in ((DARK, 6.0), (STENOSIS, 3.5)):
+            for ink, lw in ((DARK, STENOSIS_WIDTH), (STENOSIS, 3.5)):
                 axes.plot(*flat(part.points).T, color=ink, lw=lw, solid_capstyle="butt", zorder=4)
         for ring in rings:
             axes.plot(*flat(ring)[0], **RING)
@@ -71,22 +77,22 @@ def case_picture(sketch: Sketch, output: Output) -> None:
 
 @dataclass(frozen=True)
 class _Place:
-    """A position (3,) cm, its label and colour, and whether it is marked by a dot."""
+    """A position (3,) cm, its label and colour, and the size of its marker, zero without one."""
 
     point: np.ndarray
     text: str
     ink: str
-    dot: bool
+    size: float
 
 
-def _words(role: EndRole) -> tuple[str, str, bool]:
-    """Return label and colour of an end."""
+def _words(role: EndRole) -> tuple[str, str, float]:
+    """Return label, colour and size of the marker of an end."""
     text = role.name if role.label == role.name else f"{role.label} ({role.name})"
     if role.artery is None:
-        return f"{text}?", UNKNOWN, True
+        return f"{text}?", UNKNOWN, DOT_SIZE
     if role.artery == AORTA:
-        return (f"{text}, added" if role.vessel.made else text), "#555555", True
-    return (f"{text} → {role.feeds}" if role.feeds != "LV" else text), colour(role.artery), True
+        return (f"{text}, added" if role.vessel.made else text), "#555555", DOT_SIZE
+    return (f"{text} → {role.feeds}" if role.feeds != "LV" else text), colour(role.artery), DOT_SIZE
 
 
 def _plane(tree: Tree):
@@ -103,7 +109,7 @@ def _vessel(axes, vessel: Vessel, flat) -> None:
     line = flat(vessel.points)
     aortic = vessel.branch == AORTA
     ink = "#DDDDDD" if aortic else DARK if vessel.branch in ("LM", "coronary") else colour(vessel.branch)
-    widths = np.clip(30.0 * vessel.radii, 1.0, 9.0)
+    widths = _widths(vessel.radii)
     pieces = np.stack([line[:-1], line[1:]], axis=1)
     axes.add_collection(
         LineCollection(
@@ -111,6 +117,11 @@ def _vessel(axes, vessel: Vessel, flat) -> None:
         )
     )  # fmt: skip
     axes.update_datalim(line)
+
+
+def _widths(radii: np.ndarray) -> np.ndarray:
+    """Return the widths, in points, with which a vessel is drawn."""
+    return np.clip(30.0 * radii, 1.0, 9.0)
 
 
 def _places(sketch: Sketch, tree: Tree, roles: Sequence[EndRole]) -> list[_Place]:
@@ -121,36 +132,53 @@ def _places(sketch: Sketch, tree: Tree, roles: Sequence[EndRole]) -> list[_Place
         if stenosis.read is not None:
             text += f"\nFFR {10 * (stenosis.read.arc - stenosis.end):.0f} mm beyond it"
         middle = tree[stenosis.vessel].position_at((stenosis.start + stenosis.end) / 2)
-        places.append(_Place(middle, text, DARK, False))
+        places.append(_Place(middle, text, DARK, 0.0))
     for place in sketch.wire_places:
         measured = "" if place.measured is None else f", measured {place.measured:.2f}"
         point = tree[place.vessel].position_at(place.arc)
-        places.append(_Place(point, f"FFR at {place.name}{measured}", WIRE, False))
+        places.append(_Place(point, f"FFR at {place.name}{measured}", WIRE, DIAMOND_SIZE))
     return places
 
 
 def _layout(
-    places: Sequence[_Place], rings: Sequence[np.ndarray], tree: Tree, flat
+    places: Sequence[_Place], rings: Sequence[np.ndarray], sketch: Sketch, flat
 ) -> tuple[list[Box], np.ndarray, np.ndarray]:
     """Return the labels' boxes, and the lower left and upper right corner of all that is drawn.
 
     The size of letters in cm follows from the extent with labels, which follows from it: the second pass knows it.
     """
-    lines = [flat(vessel.points) for vessel in tree]
-    extent = np.concatenate(lines)
+    tree = sketch.tree
+    assert tree is not None
+    drawn = [flat(vessel.points) for vessel in tree]
+    wall = [] if sketch.wall is None else [flat(_cells(sketch))]
+    extent = np.concatenate(drawn + wall)
     low, high = extent.min(axis=0), extent.max(axis=0)
-    span = float((high - low).max())
-    spacing = SPACING * span
-    drawn = [vessel.position_at(np.arange(0.0, vessel.length + spacing, spacing)) for vessel in tree]
-    points, along = flat(np.array([place.point for place in places])), flat(np.concatenate([*drawn, *rings]))
+    span = float(np.ptp(np.concatenate(drawn), axis=0).max())
+    along, widths = _lines(tree, {s.vessel for s in sketch.stenoses}, SPACING * span)
+    points = flat(np.array([place.point for place in places]))
+    marked = np.array([place.size > 0.0 for place in places])
+    centres = np.concatenate([points[marked], *(flat(ring) for ring in rings)])
+    sizes = np.array([place.size for place in places if place.size > 0.0] + [RING_SIZE] * len(rings))
     boxes: list[Box] = []
     for _ in range(2):
         inch = max((high - low)[0] / (0.96 * WIDTH), (high - low)[1] / (1.3 * WIDTH - KEY))
-        sizes = [_size(place.text, inch) for place in places]
-        boxes = place_labels(points, sizes, along, span)
+        point = POINT * inch
+        lines, markers = Discs(flat(along), widths * point / 2), Discs(centres, sizes * point / 2)
+        boxes = place_labels(points, [_size(place.text, inch) for place in places], lines, markers, span)
         corners = np.concatenate([extent, *(box.corners for box in boxes)])
         low, high = corners.min(axis=0), corners.max(axis=0)
     return boxes, low, high
+
+
+def _lines(tree: Tree, stenosed: Collection[str], spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (n, 3) along all vessels and the widths (n,), in points, with which these are drawn there."""
+    points, widths = [], []
+    for vessel in tree:
+        arc = np.arange(0.0, vessel.length + spacing, spacing)
+        points.append(vessel.position_at(arc))
+        drawn = _widths(np.interp(arc, vessel.arc, vessel.radii))
+        widths.append(np.maximum(drawn, STENOSIS_WIDTH) if vessel.name in stenosed else drawn)
+    return np.concatenate(points), np.concatenate(widths)
 
 
 def _size(text: str, inch: float) -> tuple[float, float]:
@@ -163,11 +191,12 @@ def _label(axes, places: Sequence[_Place], boxes: Sequence[Box], flat) -> None:
     """Mark ends by dots and write the labels beside their points."""
     for place, box in zip(places, boxes, strict=True):
         at = flat(place.point)[0]
-        if place.dot:
+        if place.size == DOT_SIZE:
             axes.plot(*at, "o", color=place.ink, ms=5, mec="white", mew=0.6, zorder=5)
         axes.annotate(
             place.text, at, xytext=box.anchor, textcoords="data", ha="left" if box.right else "right", va="center",
-            fontsize=7, color=place.ink, zorder=6, arrowprops={"arrowstyle": "-", "color": place.ink, "lw": 0.5},
+            fontsize=7, color=place.ink, zorder=6,
+            arrowprops={"arrowstyle": "-", "color": place.ink, "lw": 0.5, "relpos": (0.0 if box.right else 1.0, 0.5)},
             bbox={"facecolor": "white", "alpha": 0.75, "lw": 0, "pad": 0.6},
         )  # fmt: skip
 
@@ -175,11 +204,16 @@ def _label(axes, places: Sequence[_Place], boxes: Sequence[Box], flat) -> None:
 def _territories(axes, sketch: Sketch, flat) -> None:
     """Draw the cells of the wall in the colour of the artery whose outlet is nearest."""
     feeding = [outlet for outlet in sketch.outlets if outlet.perfuses == "LV"]
-    centres = np.asarray(sketch.wall.mesh.cell_centers().points, dtype=np.float64)  # type: ignore[union-attr]
-    centres = centres[:: max(1, len(centres) // MOST_CELLS)]
+    centres = _cells(sketch)
     _, nearest = cKDTree(np.array([outlet.point for outlet in feeding])).query(centres)
     inks = np.array([colour(outlet.branch) for outlet in feeding])[nearest]
     axes.scatter(*flat(centres).T, s=6, c=inks, alpha=0.12, lw=0, zorder=0)
+
+
+def _cells(sketch: Sketch) -> np.ndarray:
+    """Return the centres (n, 3) of the cells of the wall that are drawn."""
+    centres = np.asarray(sketch.wall.mesh.cell_centers().points, dtype=np.float64)  # type: ignore[union-attr]
+    return centres[:: max(1, len(centres) // MOST_CELLS)]
 
 
 def _scale_bar(axes) -> None:
