@@ -1,6 +1,7 @@
 """Surroundings and files that stopped a command with a traceback, or for ever: one line, or no fault at all."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -77,3 +78,27 @@ def test_a_link_to_a_case_is_read_in_the_links_own_folder(case, tmp_path):
         if file.name != "case.yaml":
             (link.parent / file.name).symlink_to(file)
     assert command("check", link).returncode == 0
+
+
+DIRECTLY = (sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "workflow" / "Snakefile"))
+DIRECTLY += ("--cores", "1", "--dry-run", "--quiet", "all", "--configfile", str(ROOT / "config" / "smoke.yaml"))
+
+
+def test_snakemake_without_bash_is_refused_before_its_first_job(tmp_path):
+    """Jobs were started by another shell, which does not know the options of bash."""
+    (tmp_path / "bin").mkdir()
+    (tmp_path / "bin" / "which").symlink_to(shutil.which("which"))
+    done = command("--", program=DIRECTLY, cwd=tmp_path, PATH=str(tmp_path / "bin"))
+    assert done.returncode != 0 and "Traceback" not in done.stderr
+    assert "error: environment: PATH" in done.stderr and "has no bash" in done.stderr
+
+
+def test_snakemake_with_a_relative_home_leaves_no_folder_there(tmp_path):
+    done = command("--", program=DIRECTLY, cwd=tmp_path, HOME="relative", XDG_CACHE_HOME="", XDG_CONFIG_HOME="")
+    assert done.returncode == 0 and not (tmp_path / "relative").exists(), done.stderr
+
+
+@pytest.mark.parametrize("module", ["coronaryuq.cli", "coronaryuq.cli.main"])
+def test_the_command_is_a_module(module):
+    done = command("--version", program=(sys.executable, "-m", module))
+    assert done.returncode == 0 and done.stdout.startswith("coronaryuq "), done.stderr

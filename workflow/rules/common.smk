@@ -6,6 +6,10 @@ import re
 import sys
 from pathlib import Path
 
+from coronaryuq.core.private_folders import complete_environment
+
+complete_environment()  # before matplotlib is imported, which makes its folders in the home that it finds
+
 from coronaryuq.campaign import drawings, index, start, variants
 from coronaryuq.campaign.paths import Paths, files_under
 from coronaryuq.campaign.searches import Searches
@@ -13,8 +17,7 @@ from coronaryuq.campaign.targets import Targets, within
 from coronaryuq.core import provenance, shipped
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import read_json
-from coronaryuq.core.launcher import FORGET_OUTER_RANKS, LOCAL_MPIEXEC
-from coronaryuq.core.private_folders import complete_environment
+from coronaryuq.core.launcher import FORGET_OUTER_RANKS, LOCAL_MPIEXEC, check_programs
 from coronaryuq.figures.draw import module_of
 from coronaryuq.report.captions import INVENTED, SEARCHES, category_of, category_of_search, labels_of
 
@@ -30,8 +33,8 @@ if re.search(r"\s", sys.executable):  # Snakemake starts scripts by this path, u
     sys.executable = "python"
 
 
-complete_environment()
 try:
+    check_programs("bash")
     start.check_place(workflow.main_snakefile)
     given = start.read_campaign(config, workflow.configfiles, shipped.configuration("laptop"))
     campaign, paths = given.campaign, Paths(given.campaign.name)

@@ -1,10 +1,8 @@
 """`coronaryuq run` and `coronaryuq demo`: run a campaign without a checkout, by Snakemake."""
 
 import argparse
-import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -18,6 +16,7 @@ from coronaryuq.cli.snakemake_run import Command, PlanFailed, follow, plan, refu
 from coronaryuq.cli.status import result_lines, state
 from coronaryuq.core import shipped
 from coronaryuq.core.errors import InputError, nearest
+from coronaryuq.core.launcher import check_programs
 from coronaryuq.core.private_folders import complete_environment
 
 DEMO = "smoke"
@@ -86,7 +85,8 @@ def run(
     and its jobs print. Results that have changed since their jobs wrote them are deleted first, to be made again.
     """
     _check_targets(targets)
-    _check_programs()
+    # Snakemake's plugin for SLURM looks for programs by `which` while it is imported.
+    check_programs("bash", *["which"] * (find_spec("snakemake_executor_plugin_slurm") is not None))
     complete_environment()
     campaign = config.load(configuration)
     results = Path("results", campaign.name)
@@ -116,14 +116,6 @@ def run(
     elif not targets:
         print("\n".join(result_lines(results)))
     return code
-
-
-def _check_programs() -> None:
-    """Raise InputError if PATH lacks a program without which Snakemake stops."""
-    needed = ["bash", *["which"] * (find_spec("snakemake_executor_plugin_slurm") is not None)]
-    if missing := [program for program in needed if shutil.which(program) is None]:
-        remedy = f"has no {' and no '.join(missing)}, which Snakemake needs; add the system's folders (/usr/bin:/bin)"
-        raise InputError("environment", "PATH", os.environ.get("PATH"), remedy)
 
 
 def _check_targets(targets: Sequence[str]) -> None:
