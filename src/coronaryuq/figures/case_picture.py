@@ -31,6 +31,8 @@ POINT = 1 / 72
 """Inches."""
 DOT_SIZE, RING_SIZE, DIAMOND_SIZE = 5.6, 8.6, 9.6
 """Points: diameters of the markers with their edges."""
+PASSES = 8
+"""Most passes in which labels are placed."""
 SPACING = 0.01
 """Of the points along vessels that labels shall not cover, over the extent of the tree."""
 
@@ -145,7 +147,8 @@ def _layout(
 ) -> tuple[list[Box], np.ndarray, np.ndarray]:
     """Return the labels' boxes, and the lower left and upper right corner of all that is drawn.
 
-    The size of letters in cm follows from the extent with labels, which follows from it: the second pass knows it.
+    The size of letters in cm follows from the extent with labels, which follows from it: passes are made until it is
+    the one that the labels were placed with.
     """
     tree = sketch.tree
     assert tree is not None
@@ -160,8 +163,12 @@ def _layout(
     centres = np.concatenate([points[marked], *(flat(ring) for ring in rings)])
     sizes = np.array([place.size for place in places if place.size > 0.0] + [RING_SIZE] * len(rings))
     boxes: list[Box] = []
-    for _ in range(2):
-        inch = max((high - low)[0] / (0.96 * WIDTH), (high - low)[1] / (1.3 * WIDTH - KEY))
+    inch = 0.0
+    for _ in range(PASSES):
+        needed = max((high - low)[0] / (0.96 * WIDTH), (high - low)[1] / (1.3 * WIDTH - KEY))
+        if needed <= 1.01 * inch:
+            break
+        inch = needed
         point = POINT * inch
         lines, markers = Discs(flat(along), widths * point / 2), Discs(centres, sizes * point / 2)
         boxes = place_labels(points, [_size(place.text, inch) for place in places], lines, markers, span)

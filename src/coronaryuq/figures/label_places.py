@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 NEAR, STEP, RINGS = 0.035, 0.03, 12
 """Distances of a label from its point over the extent of the drawing: the smallest, between two, and how many."""
@@ -12,9 +13,9 @@ ROUNDS = 4
 """How often every label is placed, at most: from the second time on, all others are known."""
 COVERED, PASSED, FAR, INWARDS = 20.0, 4.0, 0.35, 0.25
 """Costs of a label: for each label or marker that it covers; for each label or marker that its line passes, and each
-line of another label that it covers; for each step from its point; for a full turn inwards. A point of a line that it
-covers costs 1."""
-LEADER = 12
+line of another label that it covers; for each step from its point; for a full turn inwards. A point of a line of
+the drawing that it covers, and one of its own line that lies on one, cost 1."""
+LEADER = 24
 """Points along the line from a label to its point."""
 
 
@@ -78,7 +79,11 @@ def place_labels(
     middle = points.mean(axis=0)
     around = [_around(point, size, middle, extent) for point, size in zip(points, sizes, strict=True)]
     fixed = [
-        own + COVERED * _covered(boxes, markers) + _covered(boxes, lines) + PASSED * _passed(boxes, point, markers)
+        own
+        + COVERED * _covered(boxes, markers)
+        + _covered(boxes, lines)
+        + PASSED * _passed(boxes, point, markers)
+        + _crossed(boxes, point, lines, NEAR * extent)
         for (boxes, own), point in zip(around, points, strict=True)
     ]
     chosen: dict[int, Box] = {}
@@ -135,6 +140,13 @@ def _passed(boxes: Sequence[Box], point: np.ndarray, markers: Discs) -> np.ndarr
     elsewhere = np.linalg.norm(markers.centres - point, axis=1) > markers.radii
     gaps = _leaders(boxes, point)[:, :, None] - markers.centres[elsewhere]
     return (np.hypot(gaps[..., 0], gaps[..., 1]) < markers.radii[elsewhere]).any(axis=1).sum(axis=1)
+
+
+def _crossed(boxes: Sequence[Box], point: np.ndarray, lines: Discs, near: float) -> np.ndarray:
+    """Return how many points of the line from a point to each box lie on lines of the drawing, not near the point."""
+    leaders = _leaders(boxes, point)
+    gap, nearest = cKDTree(lines.centres).query(leaders)
+    return ((gap < lines.radii[nearest]) & (np.linalg.norm(leaders - point, axis=2) > near)).sum(axis=1)
 
 
 def _of_others(boxes: Sequence[Box], point: np.ndarray, others: Sequence[tuple[Box, np.ndarray]]) -> np.ndarray:
