@@ -91,19 +91,81 @@ def linearised(
     return middle, ((above - below) / width[:, None]).T
 
 
+class HeartModel:
+    """The tuned loop as a function of its free parameters: what was measured of it, and what the arteries see.
+
+    Every run starts from the tuned loop's periodic states, with the blood of these.
+
+    Parameters
+    ----------
+    loop
+        The loop that was tuned.
+    point, states
+        Tuned parameters (36,) and their periodic states, at rest and under hyperaemia.
+    measured
+        Names of the targets to predict.
+    hyperaemia
+        Factor on Ra and Ram of every bed.
+
+    Attributes
+    ----------
+    measured, seen
+        Names of the predictions: measures at rest; pressures and beds whose flow the arteries see.
+    """
+
+    def __init__(
+        self, loop: Loop, point: np.ndarray, states: tuple[np.ndarray, np.ndarray], measured: Sequence[str],
+        hyperaemia: float,
+    ):  # fmt: skip
+        self.loop, self.point, self.states, self.hyperaemia = loop, point, states, hyperaemia
+        self.measured = list(measured)
+        self._flows = dict(zip(beds(loop.network), loop.bed_flows(list(beds(loop.network))), strict=True))
+        self.seen = [*PRESSURES, *self._flows]
+
+    def __call__(self, free: np.ndarray, steps: int) -> np.ndarray:
+        """Return measures at rest and the logarithms of what the arteries see, (m, d + q); NaN if not periodic."""
+        points = np.tile(self.point, (len(free), 1))
+        points[:, FREE] = free
+        rest = self.loop.evaluate(points, self._start(points, 0), steps_per_cycle=steps, refill=False)
+        extra = hyperaemic_changes(self.loop.network, points, self.hyperaemia)
+        seen = self.seen_by_arteries(points, extra, steps)
+        measured = np.array([rest.measures[name] for name in self.measured]).T
+        ok = rest.ok & ~np.isnan(seen).all(axis=1)
+        return np.where(ok[:, None], np.hstack([measured, seen]), np.nan)
+
+    def seen_by_arteries(self, points: np.ndarray, extra: Mapping[str, np.ndarray | float], steps: int) -> np.ndarray:
+        """Return the logarithms (m, q) of mmHg and mL per cycle under hyperaemia, which `extra` brings about."""
+        stress = self.loop.evaluate(
+            points, self._start(points, 1), steps_per_cycle=steps, extra=extra, waveforms=list(self._flows.values()),
+            refill=False,
+        )  # fmt: skip
+        flows = [np.trapezoid(stress.waves[name], stress.time, axis=1) for name in self._flows.values()]
+        seen = np.log([*(stress.measures[name] for name in PRESSURES), *flows]).T
+        return np.where(stress.ok[:, None], seen, np.nan)
+
+    def _start(self, points: np.ndarray, condition: int) -> np.ndarray:
+        return np.tile(self.states[condition], (len(points), 1))
+
+
 @dataclass(frozen=True)
 class HeartPosterior:
     """Posterior of the free parameters, in searched coordinates, and the latent coordinates that carry it.
 
     directions (n, k): change of the free parameters per standard normal coordinate. captured: least fraction of the
     variance of any of what the coronary arteries see. relative_sd: measure → its posterior standard deviation over its
-    error.
+    error. steps: time steps per cycle of the runs that it comes from.
     """
 
     posterior: Normal
     directions: np.ndarray
     captured: float
     relative_sd: dict[str, float]
+    steps: int
+
+
+def prior_around(point: np.ndarray) -> Normal:
+    """Return the prior of the free parameters around the tuned point (36,)."""
+    return Normal(point[FREE], np.diag((PRIOR * (parameters.UPPER - parameters.LOWER)[FREE]) ** 2))
 
 
 def measurement_covariance(targets: Mapping[str, float], names: Sequence[str], errors: RoutineErrors) -> np.ndarray:
@@ -149,42 +211,24 @@ def heart_posterior(
     most_steps
         Time steps per cycle at which the tuned loop is known to be periodic.
     """
-    names = [name for name in TUNED if name in targets and not name.endswith("GradOK")]
-    beds_flows = loop.bed_flows(list(beds(loop.network)))
-
-    def run(free: np.ndarray, steps: int) -> np.ndarray:
-        """Return measures at rest and the logarithms of what the arteries see, (m, d + q); NaN if not periodic."""
-        points = np.tile(point, (len(free), 1))
-        points[:, FREE] = free
-        rest_states, stress_states = (np.tile(state, (len(points), 1)) for state in states)
-        rest = loop.evaluate(points, rest_states, steps_per_cycle=steps, refill=False)
-        extra = hyperaemic_changes(loop.network, points, hyperaemia)
-        stress = loop.evaluate(
-            points, stress_states, steps_per_cycle=steps, extra=extra, waveforms=beds_flows, refill=False
-        )
-        flows = [np.trapezoid(stress.waves[name], stress.time, axis=1) for name in beds_flows]
-        seen = np.log([*(stress.measures[name] for name in PRESSURES), *flows]).T
-        measured = np.array([rest.measures[name] for name in names]).T
-        return np.where((rest.ok & stress.ok)[:, None], np.concatenate([measured, seen], axis=1), np.nan)
-
-    wide = (parameters.UPPER - parameters.LOWER)[FREE]
-    centre = point[FREE]
+    model = HeartModel(loop, point, states, [n for n in TUNED if n in targets and not n.endswith("GradOK")], hyperaemia)
+    prior, names = prior_around(point), model.measured
+    centre, step = prior.mean, STEP * (parameters.UPPER - parameters.LOWER)[FREE]
     steps = loop.steps_per_cycle
-    while np.isnan(run(centre[None], steps)).all():
+    while np.isnan(model(centre[None], steps)).all():
         if steps >= most_steps:
             raise RuntimeError(f"the tuned loop has no periodic state at {steps} time steps per cycle")
         steps = min(2 * steps, most_steps)
-    both = linearised(partial(run, steps=steps), centre, STEP * wide)
+    both = linearised(partial(model, steps=steps), centre, step)
     measured = np.isfinite(both[0][: len(names)]) & np.isfinite(both[1][: len(names)]).all(axis=1)
     slopes, seen = both[1][: len(names)][measured], both[1][len(names) :]
     known = [name for name, used in zip(names, measured, strict=True) if used]
     noise = measurement_covariance(targets, known, errors)
-    prior = Normal(centre, np.diag((PRIOR * wide) ** 2))
     # The tuned loop fits the data: the posterior's mean is the tuned point.
-    posterior = gauss_newton(lambda free: (free - centre) @ slopes.T, prior, np.zeros(len(known)), noise, STEP * wide)
+    posterior = gauss_newton(lambda free: (free - centre) @ slopes.T, prior, np.zeros(len(known)), noise, step)
     directions, captured = latent_directions(posterior.covariance, seen)
     spread = np.sqrt(np.einsum("ij,jk,ik->i", slopes, posterior.covariance, slopes) / np.diag(noise))
-    return HeartPosterior(posterior, directions, captured, dict(zip(known, spread.tolist(), strict=True)))
+    return HeartPosterior(posterior, directions, captured, dict(zip(known, spread.tolist(), strict=True)), steps)
 
 
 def latent_directions(covariance: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, float]:
