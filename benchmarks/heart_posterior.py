@@ -3,7 +3,7 @@
 Markov chains sample the posterior that `calibration.heart_posterior` approximates, without its approximations: every
 state is a run of the loop at rest, which is compared with what was measured, and one under hyperaemia, which says what
 the coronary arteries see. Priors and errors are the code's. Proposals are those of preconditioned Crank-Nicolson about
-the Gauss-Newton posterior, from which the chains start.
+a normal distribution somewhat wider than the Gauss-Newton posterior, from which the chains start.
 
 What the arteries see is then compared with that of hearts drawn from the Gauss-Newton posterior of all parameters,
 which says what the linearisation costs, and from the latent coordinates of the campaign's network. Means are geometric,
@@ -53,6 +53,12 @@ STEPS_PER_CYCLE = 250
 """As calibration's by default."""
 KEEP = 0.8
 """Of the distance from the Gauss-Newton mean, what a proposal keeps."""
+WIDER = 1.2
+"""Standard deviations of the proposals' normal distribution over those of the Gauss-Newton posterior.
+
+Chains stay for long where the posterior reaches further than the proposals."""
+DRAWS = 100
+"""Of a jackknife's group, where hearts are drawn independently."""
 BATCH = 96
 """Runs of the loop at once."""
 
@@ -128,9 +134,9 @@ def sample(heart: Heart, chains: int, steps: int) -> dict[str, np.ndarray]:
         draw = generator(SEED, "heart posterior", "step", step)
         # A chain draws afresh until it has a periodic state.
         keep = np.where(np.isfinite(energy), KEEP, 0.0)[:, None]
-        proposed = keep * z + np.sqrt(1.0 - keep**2) * draw.standard_normal(z.shape)
+        proposed = keep * z + np.sqrt(1.0 - keep**2) * WIDER * draw.standard_normal(z.shape)
         its_seen, its_energy = seen_of(heart, heart.found.posterior.mean + proposed @ root.T)
-        its_energy -= 0.5 * np.einsum("ci,ci->c", proposed, proposed)
+        its_energy -= 0.5 * np.einsum("ci,ci->c", proposed, proposed) / WIDER**2
         accepted = its_energy + np.log(draw.uniform(size=chains)) < energy
         z, energy = np.where(accepted[:, None], proposed, z), np.where(accepted, its_energy, energy)
         seen = np.where(accepted[:, None], its_seen, seen)
@@ -193,10 +199,11 @@ def report(heart: Heart, history: dict[str, np.ndarray], discard: int) -> dict:
     """Return how the chains went, and every quantity by them, by all Gauss-Newton directions and by the latent ones."""
     z, seen = history["z"][:, discard:], history["seen"][:, discard:]
     half = [part.mean(axis=(0, 1)) for part in np.array_split(seen, 2, axis=1)]
+    groups = len(z), DRAWS
     ways = {
         "chains": seen,
-        "gauss_newton": drawn(z.shape[:2], "gauss-newton", z.shape[2], partial(by_all, heart)),
-        "latent": drawn(z.shape[:2], "latent", len(heart.coordinates), partial(by_latent, heart)),
+        "gauss_newton": drawn(groups, "gauss-newton", z.shape[2], partial(by_all, heart)),
+        "latent": drawn(groups, "latent", len(heart.coordinates), partial(by_latent, heart)),
     }
     unit = np.array([1.0 if name in PRESSURES else heart.period * ML_PER_MIN for name in heart.model.seen])
     columns = {}
@@ -232,7 +239,7 @@ def main() -> None:
     options.add_argument("folder", type=Path, help="results of a campaign with `uncertainty: full`")
     options.add_argument("--chains", type=int, default=96)
     options.add_argument("--steps", type=int, default=240, help="states of a chain")
-    options.add_argument("--discard", type=int, default=60, help="first states that do not count")
+    options.add_argument("--discard", type=int, default=40, help="first states that do not count")
     given = options.parse_args()
     heart = tuned(given.folder)
     found = report(heart, sample(heart, given.chains, given.steps), given.discard)

@@ -29,7 +29,7 @@ PRIOR = 0.25
 """Standard deviation of the prior around the tuned heart, as a fraction of each parameter's range."""
 SHARE = 0.95
 """Fraction of the variance of each pressure and flow that the coronary arteries see which the latent coordinates carry,
-at least, so that no standard deviation is more than 3 % too small."""
+at least, so that no standard deviation of the linearised loop is more than 3 % too small."""
 MOST = 6
 """Latent coordinates at most."""
 PRESSURES = ("PaoMin", "PaoMax", "PaoMean")
