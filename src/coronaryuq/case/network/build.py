@@ -182,8 +182,7 @@ def shape_integrands(radii: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, n
     radii: (..., n) cm; step: (n - 1,) cm; results: (..., n - 1).
     """
     a, b = radii[..., :-1], radii[..., 1:]
-    product = a * b
-    return step * (a**2 + product + b**2) / (3 * product**3), step / product, step * (a + b) / 2
+    return step * (a**2 + a * b + b**2) / (3 * a**3 * b**3), step / (a * b), step * (a + b) / 2
 
 
 def elements(vessel: Vessel, physics: Physics) -> dict[str, float]:
