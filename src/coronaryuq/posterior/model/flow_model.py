@@ -27,10 +27,10 @@ class FlowModel(Protocol):
 
 @runtime_checkable
 class WithSteadyFlows(FlowModel, Protocol):
-    """A model of flows that knows nearly what they are."""
+    """A model of flows with a cheap approximation of them."""
 
     def steady(self, inputs: np.ndarray) -> np.ndarray:
-        """Return flows (n, N) that cost next to nothing; those of `flows` are them times what varies little."""
+        """Return flows (n, N) that cost little; over those of `flows` they vary little."""
         ...
 
 

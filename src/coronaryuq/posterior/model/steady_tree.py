@@ -1,4 +1,4 @@
-"""Steady flow through the coronary trees: nearly the mean flow of a 0D run, for a thousandth of its cost.
+"""Steady flow through the coronary trees: nearly the mean flow of a 0D run, for a hundredth of its cost.
 
 In a periodic state no vessel and no bed keeps blood, so that mean flows and mean pressures obey the steady equations
 but for two things: the mean of Q |Q| exceeds that of the mean flow, and the pressure ahead of the trees follows the
