@@ -27,7 +27,9 @@ import pandas as pd
 
 from coronaryuq.core.importance_weights import pareto_smoothed
 from coronaryuq.posterior.model.likelihood import Likelihood, likelihood_of
+from coronaryuq.posterior.reading import Reading
 from coronaryuq.posterior.results import Chains
+from coronaryuq.zerod.network.beds import SCALING
 
 LEVELS = (0.05, 0.5, 0.95)
 
@@ -43,6 +45,10 @@ def compared(results: Path) -> dict:
     ffr = full[[column for column in full.columns if column.startswith("ffr_")]]
     ratio = flows_3d / flows_0d
     flow = dict(zip(chains.names, map(float, ratio.mean(axis=0)), strict=True))
+    theta = pd.read_csv(results / "samples" / "pilot.csv").set_index("sample").loc[samples]
+    multipliers = theta[chains.names].to_numpy() * theta[[SCALING]].to_numpy()
+    over_flow = Reading(chains.reading_gain, chains.reading_centre).over_flow(multipliers)
+    flows_0d, flows_3d = flows_0d * over_flow, flows_3d * over_flow
     found = {"mean_flow_3d_over_0d": flow, "largest_flow_difference": float(np.abs(ratio - 1.0).max())}
     return found | reweighted(likelihood_of(chains), flows_0d, flows_3d, ffr)
 

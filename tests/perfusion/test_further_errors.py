@@ -5,12 +5,14 @@ import json
 import numpy as np
 import pytest
 import pyvista as pv
+from hypothesis import given
+from hypothesis import strategies as st
 
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.perfusion.further_errors import SHIFTS, further_errors
 from coronaryuq.perfusion.settings import Settings
-from coronaryuq.perfusion.targets import read_perfusion_targets, supplied
+from coronaryuq.perfusion.targets import PerfusionTargets, of_borders, read_perfusion_targets, supplied, without_borders
 from coronaryuq.perfusion.territories import Ventricle, distances_to_points
 from support.perfusion_stage import gathered
 
@@ -87,6 +89,32 @@ def test_the_stage_adds_them_with_full_uncertainty_only(ventricle, tmp_path):
     assert np.trace(full["further"]["calibration"]) == pytest.approx(calibration)
     # Flow per tissue is that of the map, whichever rule divides the wall.
     targets = read_perfusion_targets(written)
+    half = np.sqrt(np.diag(full["further"]["territories"])) / targets.mean
+    np.testing.assert_allclose(np.sqrt(np.diag(of_borders(targets))), half)
+    calibrated = np.array(plain["covariance"]) + np.array(full["further"]["calibration"])
+    np.testing.assert_allclose(without_borders(targets), calibrated, rtol=1e-6, atol=1e-12)
+    nothing = targets.model_copy(update={"further": {"calibration": targets.further["calibration"]}})
+    assert of_borders(nothing) is None and np.array_equal(without_borders(nothing), targets.covariance)
     flow_per_tissue = targets.mean / supplied(targets)
     assert np.allclose(flow_per_tissue, targets.baseline / targets.volume)
     assert not np.allclose(targets.mean, targets.baseline, rtol=0.01), "the rules differ"
+
+
+def test_an_outlet_without_a_territory_of_the_own_rule_has_tissue_as_the_rest(ventricle, tmp_path):
+    targets = read_perfusion_targets(gathered(ventricle, tmp_path, Settings(realisations=20)))
+    none = np.arange(len(targets.mean)) == 0
+    empty = {"volume": np.where(none, 0.0, targets.volume), "baseline": np.where(none, 0.0, targets.baseline)}
+    found = supplied(targets.model_copy(update=empty))
+    rest = targets.volume[1:].sum() / targets.baseline[1:].sum()
+    assert found[0] == pytest.approx(rest * targets.mean[0])
+    np.testing.assert_allclose(found[1:], supplied(targets)[1:])
+
+
+@given(st.floats(1e-3, 5.0), st.floats(0.1, 2.0))
+def test_no_flow_is_uncertain_by_more_than_itself(sd, flow):
+    """Registration of a territory that is small beside the shift."""
+    one = np.array([flow])
+    targets = PerfusionTargets.model_construct(
+        mean=one, baseline=one, covariance=np.array([[sd**2]]), further={"registration": np.array([[sd**2]])}
+    )
+    assert of_borders(targets)[0, 0] == pytest.approx(min(1.0, (sd / flow) ** 2))

@@ -15,7 +15,7 @@ from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.cli.main import main
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_csv
-from coronaryuq.perfusion.targets import read_perfusion_targets, supplied
+from coronaryuq.perfusion.targets import of_borders, read_perfusion_targets, supplied
 from coronaryuq.posterior.model.tissue import PerGram, Tissue
 from coronaryuq.posterior.results import Chains
 from coronaryuq.serve.models import LogLikelihood, models_of
@@ -110,7 +110,8 @@ def test_the_log_likelihood_takes_the_total_resistance_where_the_chains_inferred
     held = read_perfusion_targets(home / "perfusion" / "targets.json")
     arteries = [outlet.branch for outlet in read_case(home / "case" / "case.json").outlets]
     errors = RoutineErrors()
-    tissue = Tissue(supplied(held), arteries, errors.microvascular, errors.microvascular_correlation)
+    borders = of_borders(held)
+    tissue = Tissue(supplied(held), arteries, errors.microvascular, errors.microvascular_correlation, borders)
     space = PerGram(chains.weights, tissue)
     prior = space.log_prior(space.coordinates(states[:, :3] * states[:, 3:]))
     likelihood = np.array([value for (value,) in model.run(states)])

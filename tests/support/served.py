@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from coronaryuq.core.io.atomic import write_json, write_text
+import numpy as np
+
+from coronaryuq.core.io.atomic import read_json, write_json, write_text
 from coronaryuq.posterior import stage
 from coronaryuq.posterior.settings import DreamSettings, EmulatorSettings, IndependenceSettings, Settings
 from support.case_files import write_case_json, write_perfusion_targets
@@ -28,7 +30,10 @@ flow3d: {steps_per_cycle: 100, max_cycles: 2, ramp_cycles: 0.1, wall_samples_per
 
 
 def small_campaign(folder: Path, **case_values) -> Path:
-    """Write `results/tiny` of a tree of resistors with three beds, their posterior sampled for real; return it."""
+    """Write `results/tiny` of a tree of resistors with three beds, their posterior sampled for real; return it.
+
+    With `errors` in the case the borders of their territories are uncertain.
+    """
     home = folder / "results" / "tiny"
     for part in ("case", "calibration", "posterior", "perfusion"):
         (home / part).mkdir(parents=True)
@@ -40,6 +45,12 @@ def small_campaign(folder: Path, **case_values) -> Path:
     write_case_json(case, outlets=outlets, stenoses=[LAD], name="tiny", aorta={"pressure": "AORTA:root"}, **case_values)
     names = [outlet["bc"] for outlet in outlets]
     targets = write_perfusion_targets(home / "perfusion" / "targets.json", names, *targets_of(tree))
+    if "errors" in case_values:
+        content = read_json(targets)
+        share = np.array([0.2, -0.15, 0.05]) * np.array(content["mean"])
+        content["further"] = {"territories": np.outer(share, share).tolist()}
+        content["covariance"] = (np.array(content["covariance"]) + np.outer(share, share)).tolist()
+        write_json(targets, content)
     out = home / "posterior"
     chains = out / "length_1" / "chains.npz"
     stage.sample(case, loop, targets, POSTERIOR, 3, chains)

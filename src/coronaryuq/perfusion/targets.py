@@ -12,6 +12,8 @@ from coronaryuq.core.io.typed import checked
 from coronaryuq.perfusion.settings import NoiseModel
 
 REMEDY = "rerun the rule `perfusion_gather`"
+BORDERS = {"territories": "mean", "registration": "baseline"}
+"""Errors of where territories end, and the flows of which they are errors."""
 
 Array = Annotated[np.ndarray, BeforeValidator(lambda values: np.asarray(values, dtype=float))]
 
@@ -111,6 +113,31 @@ def supplied(targets: PerfusionTargets) -> np.ndarray:
     """Return the tissue (N,), cm3, that the target flows of the outlets supply.
 
     Volume and noise-free flow of a territory are those of the campaign's own rule, the target is the mean over all
-    rules. A rule that gives an outlet more of the wall gives it more flow and more tissue; flow per tissue stays.
+    rules. A rule that gives an outlet more of the wall gives it more flow and more tissue; flow per tissue stays. An
+    outlet to which the campaign's own rule gives nothing has the flow per tissue of the whole wall.
     """
-    return targets.volume * targets.mean / targets.baseline
+    has = targets.baseline > 0.0
+    per_flow = np.full_like(targets.mean, targets.volume.sum() / targets.baseline.sum())
+    per_flow[has] = targets.volume[has] / targets.baseline[has]
+    return per_flow * targets.mean
+
+
+def of_borders(targets: PerfusionTargets) -> np.ndarray | None:
+    """Return the covariance (N, N) of the logarithms of tissue and flow that borders of territories give the outlets.
+
+    That of rules and registration; None where neither is uncertain.
+    """
+    found = np.zeros_like(targets.covariance)
+    for source, flow in BORDERS.items():
+        covariance = targets.further.get(source)
+        if covariance is not None:
+            # No outlet's flow is uncertain by more than itself.
+            scale = np.maximum(getattr(targets, flow), np.sqrt(np.diag(covariance)))
+            found = found + covariance / np.outer(scale, scale)
+    return found if np.any(found) else None
+
+
+def without_borders(targets: PerfusionTargets) -> np.ndarray:
+    """Return the covariance (N, N) of the target flows, mL2/s2, for known borders of territories."""
+    further = [targets.further[source] for source in BORDERS if source in targets.further]
+    return targets.covariance - sum(further, np.zeros_like(targets.covariance))

@@ -10,6 +10,8 @@ import numpy as np
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.core.io.tables import read_npz, write_npz
 from coronaryuq.core.io.typed import checked
+from coronaryuq.posterior.reading import Reading
+from coronaryuq.zerod.network.beds import SCALING
 
 PRIOR_SHARE = (0.025, 0.975)
 """Quantiles between which the prior of a multiplier is stated."""
@@ -20,6 +22,7 @@ class Chains:
     """All chains of one posterior, n recorded states each, N beds, k uncertain parameters of the network.
 
     names (N,): of the beds. multipliers, flows (chains, n, N): of r-hat, and mL/s in the unit of the targets.
+    reading_gain (N, N), reading_centre (N,): what a map is expected to read of them (`posterior.reading`).
     parameter_names (k,), parameters (chains, n, k): values of the uncertain parameters. log_density (chains, n).
     log_weight (chains, n): log of the model's over the emulator's density at each proposal, up to a constant; nan
     without an emulator. burn_in: recorded states to discard. every: generations per recorded state. generations: per
@@ -61,6 +64,8 @@ class Chains:
     target_scale: float
     target_mean: np.ndarray
     target_covariance: np.ndarray
+    reading_gain: np.ndarray
+    reading_centre: np.ndarray
     prior_ranges: np.ndarray
     fit_multipliers: np.ndarray
     fit_flows: np.ndarray
@@ -76,6 +81,16 @@ class Chains:
     def kept_parameters(self) -> np.ndarray:
         """Values of uncertain parameters (chains, kept, k) after burn-in."""
         return self.parameters[:, self.burn_in :]
+
+    @property
+    def kept_readings(self) -> np.ndarray:
+        """Readings (chains, kept, N) that are expected of the flows after burn-in, mL/s."""
+        if SCALING not in self.parameter_names:
+            return self.kept_flows
+        scaling = self.kept_parameters[..., self.parameter_names.index(SCALING), None]
+        multipliers = (self.kept_multipliers * scaling).reshape(-1, len(self.names))
+        over_flow = Reading(self.reading_gain, self.reading_centre).over_flow(multipliers)
+        return self.kept_flows * over_flow.reshape(self.kept_flows.shape)
 
     @property
     def kept_flows(self) -> np.ndarray:

@@ -16,7 +16,13 @@ from coronaryuq.core.io.tables import read_csv, write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import checksum, digest, stamp
 from coronaryuq.core.ranks import Ranks
-from coronaryuq.perfusion.targets import PerfusionTargets, read_perfusion_targets, supplied
+from coronaryuq.perfusion.targets import (
+    PerfusionTargets,
+    of_borders,
+    read_perfusion_targets,
+    supplied,
+    without_borders,
+)
 from coronaryuq.posterior.model.bed_flows import BedFlows, with_resistances
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import FlowModel, Posterior, respond
@@ -24,6 +30,7 @@ from coronaryuq.posterior.model.fractions import fractions
 from coronaryuq.posterior.model.likelihood import Likelihood, RelativeLikelihood
 from coronaryuq.posterior.model.tissue import PerGram, Tissue
 from coronaryuq.posterior.model.total_resistance import Conditioned, Rescaled
+from coronaryuq.posterior.reading import Reading
 from coronaryuq.posterior.results import PRIOR_SHARE, Chains, ReferenceShares
 from coronaryuq.posterior.sampler import chains as sampling
 from coronaryuq.posterior.sampler import checkpoint
@@ -104,7 +111,10 @@ def sample(
     tissue = None
     if errors is not None:
         arteries = [outlet.branch for outlet in outlets]
-        tissue = Tissue(supplied(held), arteries, errors.microvascular, errors.microvascular_correlation)
+        tissue = Tissue(
+            supplied(held), arteries, errors.microvascular, errors.microvascular_correlation, of_borders(held)
+        )
+        targets = replace(targets, covariance=without_borders(held))
     model = BedFlows(
         hyperaemia_json, vessels, tolerance=settings.cycle_tolerance, steps_per_cycle=settings.steps_per_cycle,
         threads=ranks.threads, further=() if tissue is None else PerGram.further,
@@ -145,8 +155,10 @@ def run_chains(
     scaled = settings.scale_targets and unknowns.tissue is None
     factor = float(fit.flows_at_r_hat.sum() / targets.mean.sum()) if scaled else 1.0
     kind = Likelihood if unknowns.tissue is None else RelativeLikelihood
-    likelihood = kind(targets.mean * factor, targets.covariance * factor**2, targets.source)
-    space = _space(unknowns, settings)
+    space, noise = _space(unknowns, settings), targets.covariance
+    if isinstance(space, PerGram):
+        noise = noise + space.left * np.outer(targets.mean, targets.mean)
+    likelihood = kind(targets.mean * factor, noise * factor**2, targets.source)
     response = found.prepared.response if found else None
     if response is None and len(laws) and unknowns.tissue is None:
         response = ranks.run_on_first(lambda: respond(model, laws, fit.flows_at_r_hat))
@@ -176,6 +188,10 @@ def run_chains(
         count, decisions, dimension = position.shape
         inputs = space.inputs(position.reshape(-1, dimension)).reshape(count, decisions, -1)
         emulator = prepared.emulator
+        reading = Reading.of_the_flow(len(names))
+        if isinstance(space, PerGram):
+            reading = space.reading
+            flows = flows / reading.over_flow(space.multipliers(position.reshape(-1, dimension))).reshape(flows.shape)
         Chains(
             names=names, multipliers=np.ascontiguousarray(inputs[:, :, : len(names)]), parameter_names=further,
             parameters=np.ascontiguousarray(inputs[:, :, len(names) :]), flows=flows, log_density=log_density,
@@ -188,6 +204,7 @@ def run_chains(
             runs=prepared.runs + int(state.evaluations), failures=posterior.failures, outliers=int(state.outliers),
             crossover=state.crossover, weights=weights, target_scale=factor,
             target_mean=likelihood.mean, target_covariance=likelihood.covariance,
+            reading_gain=reading.gain, reading_centre=reading.centre,
             prior_ranges=space.ranges(PRIOR_SHARE),
             fit_multipliers=fit.multipliers, fit_flows=fit.flows, fit_error=fit.error,
             fit_outside=space.outside(fit.multipliers),

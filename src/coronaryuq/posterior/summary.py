@@ -124,7 +124,7 @@ def summarise(
         parameters={name: marginals[name] for name in extra},
         most_probable_draw=by_name([*names, *extra], flat[np.argmax(chains.kept_log_density)]),
         predictive=check(
-            chains.kept_flows.reshape(-1, len(names)),
+            chains.kept_readings.reshape(-1, len(names)),
             likelihood_of(chains),
             names,
             generator(seed, "posterior", "predictive"),

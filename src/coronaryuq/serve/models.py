@@ -27,6 +27,7 @@ from coronaryuq.posterior.model.bed_flows import BedFlows
 from coronaryuq.posterior.model.flow_model import Response, respond
 from coronaryuq.posterior.model.likelihood import likelihood_of
 from coronaryuq.posterior.model.tissue import PerGram
+from coronaryuq.posterior.reading import Reading
 from coronaryuq.posterior.results import Chains
 from coronaryuq.zerod.network.beds import SCALING
 from coronaryuq.zerod.network.numbering import Model
@@ -114,6 +115,7 @@ class LogLikelihood:
             further=further,
         )
         self._likelihood = likelihood_of(chains)
+        self._reading = Reading(chains.reading_gain, chains.reading_centre) if further else None
         self._laws = self._flows.theta.laws
         self._response: Response | None = None
         self.signed, self.inputs = self._laws.names, [*chains.names, *further, *self._laws.names]
@@ -127,6 +129,9 @@ class LogLikelihood:
         if self._response is not None:
             z = self._laws.coordinates(theta[:, -len(self._laws) :])
             flows = flows / np.exp(self._response.log_total(self._laws.stepped(z)))[:, None]
+        if self._reading is not None:
+            beds = flows.shape[1]
+            flows = flows * self._reading.over_flow(theta[:, :beds] * theta[:, beds : beds + 1])
         failed = ~np.isfinite(flows).all(axis=1)
         values = self._likelihood.log_density(np.where(failed[:, None], 0.0, flows))
         return ["the 0D run failed" if bad else [float(v)] for bad, v in zip(failed, values, strict=True)]

@@ -86,6 +86,36 @@ def test_conductance_per_gram_has_the_stated_spread_and_correlation():
     assert np.allclose(covariance, expected, atol=5 * 1.06 * np.sqrt(2 / 200_000))
 
 
+BORDERS = 0.3**2 * np.array(
+    [[1.0, -0.9, 0.0, 0.1], [-0.9, 1.0, -0.3, 0.0], [0.0, -0.3, 1.0, -0.5], [0.1, 0.0, -0.5, 1.0]]
+)
+"""What one territory gains, its neighbours lose."""
+
+
+def drawn_with_borders(random, count, covariance=BORDERS):
+    """Return logarithms (count, 4) of resistance per mass, and b, by which wrong borders change the readings."""
+    b = random.multivariate_normal(np.zeros(4), covariance, size=count)
+    own = random.multivariate_normal(np.zeros(4), Tissue(MASS, ARTERIES, 0.25, 0.5).covariance(), size=count)
+    return own + b, b
+
+
+def test_resistances_tell_what_is_expected_of_borders():
+    """Regression of b on log m, and what it leaves, from draws of their joint law."""
+    own = PerGram(WEIGHTS, Tissue(MASS, ARTERIES, 0.25, 0.5, BORDERS))
+    u, b = drawn_with_borders(np.random.default_rng(5), 200_000)
+    assert np.allclose(np.cov(u, rowvar=False), own.root @ own.root.T, atol=5 * 1.2 * np.sqrt(2 / 200_000))
+    expected = np.log(own.reading.over_flow(np.exp(u + own.centre)))
+    left = b - expected
+    assert np.abs(np.corrcoef(np.hstack([left, u]), rowvar=False)[:4, 4:]).max() < 5 / np.sqrt(200_000)
+    assert np.allclose(np.cov(left, rowvar=False), own.left, atol=5 * 0.09 * np.sqrt(2 / 200_000))
+
+
+def test_known_borders_are_read_as_they_are():
+    own = space()
+    assert np.array_equal(own.reading.over_flow(own.multipliers(np.ones((1, 4)))), np.ones((1, 4)))
+    assert not own.left.any()
+
+
 def test_prior_ranges_hold_their_share():
     own = space()
     low, high = own.ranges((0.025, 0.975)).T
@@ -171,26 +201,42 @@ SHORT = Settings(
 )  # fmt: skip
 
 
-@pytest.mark.long
-def test_simulation_based_calibration(tmp_path, capsys):
-    """Truth from the prior, readings in error by a fraction of the flow, in part the same for all, as of a map whose
-    covariance is stated from what was read: ranks of resistances, level and throat are uniform."""
-    replications, laws = 120, Laws([THROAT])
-    tissue = Tissue(MASS, ARTERIES, 0.25, 0.5)
+def ranks_of_truth(tissue, borders, replications, folder):
+    """Return the ranks (replications, 6) of resistances, level and throat, with the model and with b of covariance
+    `borders`, of which a stage with `tissue` may know or not."""
+    laws = Laws([THROAT])
     model = Stenosed(9000.0 / MASS, 150.0)
     own = PerGram(model.weights, tissue, laws)
     relative = 0.2**2 * np.eye(4) + 0.1**2
     noise, random = np.linalg.cholesky(relative), np.random.default_rng(2024)
     ranks = np.empty((replications, 6), dtype=int)
     for k in range(replications):
-        x = own.draw(random, 1)
+        u, b = drawn_with_borders(random, 1, borders)
+        x = own.coordinates(np.exp(u + own.centre))
+        x[:, 4:] = random.standard_normal((1, 1))
         flows = model.flows(own.inputs(x))[0]
-        data = flows * (1.0 + noise @ random.standard_normal(4))
+        data = flows * np.exp(b[0]) * (1.0 + noise @ random.standard_normal(4))
         targets = stage.TargetFlows(list("abcd"), data, relative * np.outer(data, data))
         unknowns = stage.Unknowns(model.weights, laws, tissue)
-        stage.run_chains(model, unknowns, targets, SHORT, k, tmp_path / "chains.npz", key=str(k))
-        chains = Chains.read(tmp_path / "chains.npz")
+        stage.run_chains(model, unknowns, targets, SHORT, k, folder / "chains.npz", key=str(k))
+        chains = Chains.read(folder / "chains.npz")
         last = np.hstack([chains.multipliers[:, -1], chains.parameters[:, -1]])
         ranks[k] = np.sum(last < own.inputs(x)[0], axis=0)
-    p = uniformity(ranks, 12)
+    return ranks
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("borders", [np.zeros((4, 4)), BORDERS], ids=["known borders", "uncertain borders"])
+def test_simulation_based_calibration(tmp_path, capsys, borders):
+    """Truth from the prior, readings in error by a fraction of the flow, in part the same for all, as of a map whose
+    covariance is stated from what was read, and by wrong borders: ranks of resistances, level and throat are uniform.
+    """
+    tissue = Tissue(MASS, ARTERIES, 0.25, 0.5, borders if borders.any() else None)
+    p = uniformity(ranks_of_truth(tissue, borders, 120, tmp_path), 12)
     assert np.all(p > 1e-3 / len(p)), p
+
+
+@pytest.mark.long
+def test_calibration_notices_borders_that_are_taken_as_known(tmp_path, capsys):
+    ranks = ranks_of_truth(Tissue(MASS, ARTERIES, 0.25, 0.5), BORDERS, 60, tmp_path)
+    assert uniformity(ranks, 12).min() < 1e-5

@@ -107,8 +107,8 @@ class Posterior:
     response: of the model to its uncertain parameters, None without any. total_known: whether the total of the targets
     is a measurement. If not, they are scaled to the model's total at r-hat, which depends on the parameters: flows are
     then given in the unit of the targets, divided by that total over the one at z = 0, so that shares of flow inform
-    the parameters, and its total does not. steady: whether emulators start from the model's steady flows, if it has
-    any.
+    the parameters, and its total does not. With `PerGram` they are what the map is expected to read of them. steady:
+    whether emulators start from the model's steady flows, if it has any.
     """
 
     def __init__(
@@ -134,6 +134,8 @@ class Posterior:
         return lambda x: 1.0 / self._in_unit_of_targets(nearly(self.space.inputs(x)), x)
 
     def _in_unit_of_targets(self, flows: np.ndarray, x: np.ndarray) -> np.ndarray:
+        if isinstance(self.space, PerGram):
+            return flows * self.space.reading.over_flow(self.space.multipliers(x))
         if self.response is None or self.total_known:
             return flows
         return flows / np.exp(self.response.log_total(self.space.laws.stepped(self.space.standard(x))))[:, None]

@@ -19,7 +19,7 @@ def given_total(covariance: np.ndarray) -> np.ndarray:
 def check(
     flows: np.ndarray, likelihood: Likelihood, names: list[str], random: np.random.Generator, total_free: bool = False
 ) -> Predictive:
-    """Compare draws of `flows` (n, N), mL/s, with the targets of the likelihood.
+    """Compare draws of `flows` (n, N), mL/s in the unit of the targets, with the targets of the likelihood.
 
     coverage_95: fraction of targets within the central 95 % of simulated flows plus measurement noise (a target lies
     there with probability 0.95 or more if the model holds). mahalanobis: of the mean simulated flow from the

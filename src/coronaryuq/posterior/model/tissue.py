@@ -11,7 +11,16 @@ is w_i. Then
     log m_i = log(w_i / a_i) + t + e_i,
 
 e normal with the standard deviation and the correlation within an artery that `case.yaml` states, and t, normal and as
-good as flat, the level that all beds share: the map's total flow informs it. In θ, s is the factor on the total
+good as flat, the level that all beds share: the map's total flow informs it.
+
+Where the borders of territories lie is uncertain, too. With a border drawn wrongly, an outlet's tissue and its measured
+flow are too large or too small by one factor exp(b_i), so that flow per gram does not see it:
+
+    log m_i = log(w_i / a_i) + b_i + t + e_i,    reading_i = flow_i exp(b_i) (1 + noise).
+
+b is normal. Given the resistances, it has the expectation G (log m - log(w / a)) and the covariance that is left of it,
+so that no coordinate is needed: the likelihood compares flows times the exponential of that expectation with the map,
+and the covariance joins the noise. In θ, s is the factor on the total
 resistance of these beds, which also acts on all others, and r_i = m_i / s, so that r preserves that total as in
 `total_resistance`.
 """
@@ -22,6 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.core.seeds import generator
+from coronaryuq.posterior.reading import Reading
 from coronaryuq.zerod.network.beds import SCALING
 from coronaryuq.zerod.theta import Laws
 
@@ -34,19 +44,20 @@ class Tissue:
     """The tissue that N beds supply.
 
     mass (N,): in any unit. arteries (N,): the artery of each bed. spread: standard deviation of the logarithm of
-    conductance per mass. correlation: of two beds of one artery.
+    conductance per mass. correlation: of two beds of one artery. borders (N, N): covariance of b; None: known borders.
     """
 
     mass: np.ndarray
     arteries: Sequence[str]
     spread: float
     correlation: float
+    borders: np.ndarray | None = None
 
     def covariance(self) -> np.ndarray:
         """Return the covariance (N, N) of the logarithms of resistance per mass, the common level included."""
         together = np.equal.outer(np.array(self.arteries), np.array(self.arteries))
         own = self.spread**2 * (self.correlation * together + (1.0 - self.correlation) * np.eye(len(together)))
-        return LEVEL**2 + own
+        return LEVEL**2 + own + (0.0 if self.borders is None else self.borders)
 
 
 class PerGram:
@@ -74,7 +85,12 @@ class PerGram:
         self.dimension = self.beds + len(self.laws)
         self.centre = np.log(self.weights * np.sum(tissue.mass) / tissue.mass)
         # Of a spread of zero the covariance has rank one; the least variance keeps its root.
-        self.root = np.linalg.cholesky(tissue.covariance() + 1e-10 * np.eye(self.beds))
+        covariance = tissue.covariance() + 1e-10 * np.eye(self.beds)
+        self.root = np.linalg.cholesky(covariance)
+        borders = np.zeros_like(covariance) if tissue.borders is None else tissue.borders
+        self.gain = np.linalg.solve(covariance, borders).T
+        self.left = borders - self.gain @ borders
+        """Covariance (N, N) of b given the resistances."""
 
     @property
     def prior_precision(self) -> np.ndarray:
@@ -84,6 +100,11 @@ class PerGram:
     def multipliers(self, x: np.ndarray) -> np.ndarray:
         """Return multipliers m (n, N) of r-hat, the common factor s included."""
         return np.exp(self.centre + np.sum(x[:, None, : self.beds] * self.root[None], axis=2))
+
+    @property
+    def reading(self) -> "Reading":
+        """What the map is expected to read of the flow of a bed, over that flow."""
+        return Reading(self.gain, self.centre)
 
     def standard(self, x: np.ndarray) -> np.ndarray:
         """Return the coordinates z (n, k)."""
