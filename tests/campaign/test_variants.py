@@ -76,6 +76,14 @@ def test_what_cannot_be_refined_is_not_run_again(tmp_path):
     assert variants.study_levels(Targets(campaign(backend="umbridge")), None) == ()
 
 
+def test_the_mesh_error_is_assumed_where_all_is_uncertain_and_the_mesh_is_ours(tmp_path):
+    assert variants.assumes_mesh_error(campaign(uncertainty="full"), None)
+    assert variants.assumes_mesh_error(campaign(uncertainty="full"), str(tmp_path / "lumen.stl"))
+    assert not variants.assumes_mesh_error(campaign(uncertainty="full"), str(tmp_path)), "an imported mesh folder"
+    assert not variants.assumes_mesh_error(campaign(uncertainty="full", backend="umbridge"), None)
+    assert not variants.assumes_mesh_error(campaign(uncertainty="paper"), None)
+
+
 def test_the_cost_of_the_mesh_study_makes_no_3d_run_stale():
     few, many = (variants.runs_3d(Targets(campaign(flow3d={"mesh_study": share}))) for share in (0.1, 0.9))
     assert few == many

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.io.atomic import write_json
 from coronaryuq.estimation import stage, training
 from coronaryuq.estimation.results import read_estimates
 from coronaryuq.estimation.settings import Settings
@@ -98,3 +99,33 @@ def test_a_row_without_networks_has_every_other_estimator(folder):
 def test_no_row_with_networks_trains_none(folder):
     pd.read_csv(folder / "rows.csv").assign(networks="no").to_csv(folder / "rows.csv", index=False)
     assert list(campaign(folder).rows[0].estimators) == ["MC", "MFMC", "crossfit-GP"]
+
+
+def test_an_error_is_assumed_where_that_of_the_mesh_was_not_measured(folder):
+    outputs = pd.read_csv(folder / "outputs_3d.csv")
+    outputs["ffr_lad"] = 0.9 - 0.1 * outputs.pop("osi")
+    outputs.to_csv(folder / "outputs_3d.csv", index=False)
+    rows = pd.read_csv(folder / "rows.csv").assign(column_3d="ffr_lad")
+    rows.to_csv(folder / "rows.csv", index=False)
+    (bare,) = campaign(folder).rows
+    write_json(folder / "mesh.json", {"settings": {"throat_resolution": 2.0}})
+
+    def estimated(**numerical):
+        stage.estimate(
+            folder, folder / "networks.npz", [folder / "k0.parquet"], SETTINGS, 3,
+            folder / "estimates.json", folder / "table.csv", **numerical,
+        )  # fmt: skip
+        return read_estimates(folder / "estimates.json").rows[0]
+
+    assumed = estimated(assumed_on=folder / "mesh.json")
+    name = bare.recommended
+    wider, narrow = assumed.estimators[name], bare.estimators[name]
+    assert wider.mean == narrow.mean and assumed.numerical_correction is None
+    assert wider.variance["assumed"] == pytest.approx(((1 - wider.mean) / 12) ** 2)
+    ends = [row.beyond_the_mean.predictive for row in (bare, assumed)]
+    assert ends[1]["0.95"] - ends[1]["0.05"] > ends[0]["0.95"] - ends[0]["0.05"]
+    found = {"source": "mesh", "correction": 0.0, "std": 0.001, "at": 0.8, "order": None, "method": "range"}
+    errors = [found | {"n_samples": 4, "spread": 0.0}]
+    write_json(folder / "study.json", {"quantities": {bare.column_3d: {"errors": errors}}})
+    measured = estimated(assumed_on=folder / "mesh.json", mesh_study=folder / "study.json")
+    assert "assumed" not in measured.estimators[name].variance and "mesh" in measured.estimators[name].variance

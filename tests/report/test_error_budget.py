@@ -20,4 +20,6 @@ def test_measured_numerical_errors_are_included():
     measured = replace(estimator(), variance=variance)
     assert not error_budget(measured)["left_out"]
     text = includes([measured])
-    assert text == ("It includes the errors of 3D runs, 0D propagation, posterior chains, mesh, time step and cycles.")
+    assert text == (
+        "The numerical error includes those of 3D runs, 0D propagation, posterior chains, mesh, time step and cycles."
+    )

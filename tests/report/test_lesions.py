@@ -30,6 +30,8 @@ def card(tmp_path):
     write_json(tmp_path / "mesh.json", {"nodes": 8000, "settings": {"throat_resolution": 3.0}})
 
     def make(columns=COLUMNS, reading=None, stenosis=STENOSIS, past=False, **beyond):
+        if "quantiles" in beyond:
+            beyond["predictive"] = {share: one.value for share, one in beyond["quantiles"].items()}
         rows = [
             row(column_3d=f"{quantity}_lad", beyond_the_mean=BeyondTheMean(**beyond), estimators={"MC": estimate})
             for quantity, estimate in columns.items()
@@ -72,8 +74,8 @@ def test_the_card_has_the_pressure_drop_and_leaves_the_lowest_ffr_to_the_artery(
 def test_the_conclusion_is_one_sentence_with_the_patients_range_and_the_probability(card):
     told = card(zones=zones(0.93, 0.91, 0.95), quantiles=quantiles(0.66, 0.714, 0.81))["sentence"]
     assert told == (
-        "The LAD stenosis very likely limits blood flow: FFR is 0.71 (median), and 0.66 to 0.81 in 90 % of the states "
-        "that fit the data; the probability of 0.80 or less is 93 %."
+        "The LAD stenosis very likely limits blood flow: FFR is 0.71 (median), and with a probability of 90 % "
+        "0.66 to 0.81; the probability of 0.80 or less is 93 %."
     )
 
 
@@ -119,7 +121,7 @@ def test_quantiles_that_rest_on_few_runs_carry_a_warning(card):
     assert card(quantiles={"0.50": value(0.8)})["rare"] == ""
 
 
-def test_the_patient_has_the_median_and_the_90_percent_range_over_draws(card):
+def test_the_patient_has_the_median_and_the_90_percent_range(card):
     patient = card(quantiles=quantiles(0.71, 0.8, 0.88))["patient"]
     assert (patient["low"], patient["median"], patient["high"]) == ("0.71", "0.80", "0.88")
     assert patient["scale"] == [0.5, 1.0]

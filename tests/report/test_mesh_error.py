@@ -16,8 +16,8 @@ def mesh(tmp_path):
 
 def error(source, std, correction=0.0, method="range"):
     return {
-        "source": source, "correction": correction, "std": std, "order": None, "method": method, "n_samples": 2,
-        "spread": 0.0,
+        "source": source, "correction": correction, "std": std, "at": 0.8, "order": None, "method": method,
+        "n_samples": 2, "spread": 0.0,
     }  # fmt: skip
 
 
@@ -61,6 +61,12 @@ def test_without_a_study_the_page_says_so(mesh):
     found = MeshError(mesh, None)
     assert found.of("ffr_lad") == ""
     assert "was not measured" in found.sentence and "mesh_study" in found.sentence
+
+
+def test_an_error_that_was_assumed_is_said_to_be(mesh, study):
+    told = "of this resolution: 4 % of 1 − FFR and 6 % of a pressure drop (one standard deviation)"
+    assert told in MeshError(mesh, None, assumed=True).sentence
+    assert "assumed" not in MeshError(mesh, study).sentence and told not in MeshError(mesh, study).sentence
 
 
 def test_a_study_of_another_mesh_is_not_quoted(mesh, study):

@@ -93,8 +93,8 @@ def test_a_finished_campaign_tells_its_results(results):
     assert lines[-1] == "Report: results/smoke/report.html"
     rows = {row["row"]: row for row in read_json(results / "estimation" / "estimates.json")["rows"]}
     row = min((rows["ffr_ffr_lad"], rows["ffr_flow_lad"]), key=lambda one: one["estimators"][one["recommended"]]["std"])
-    low, median, high = (row["beyond_the_mean"]["quantiles"][q]["value"] for q in ("0.05", "0.50", "0.95"))
-    assert lines[-4].startswith(f"LAD: FFR {median:.2f} ({low:.2f} to {high:.2f} in 90 % of states), P(FFR ≤ 0.80) ")
+    low, median, high = (row["beyond_the_mean"]["predictive"][q] for q in ("0.05", "0.50", "0.95"))
+    assert lines[-4].startswith(f"LAD: FFR {median:.2f} ({low:.2f} to {high:.2f}, 90 % range), P(FFR ≤ 0.80) ")
     below = row["beyond_the_mean"]["zones"][-1]
     ends = f"({100 - 100 * below['high']:.0f} to {100 - 100 * below['low']:.0f} %)"
     assert lines[-4].endswith(ends)

@@ -52,6 +52,7 @@ except InputError as error:
 figures, paper_figures = drawings.figures(campaign, paths), drawings.paper_figures(paths)
 meshes, runs_3d = variants.meshes(campaign), variants.runs_3d(targets)
 study = variants.study_levels(targets, given.lumen)
+assumes_mesh_error = variants.assumes_mesh_error(campaign, given.lumen)
 teaches = variants.teaches(campaign, given.in_3d)
 cached = start.cache_is_writable()
 # To be tuned: the case's network, or that with the losses that 3D runs taught it, see losses.smk.

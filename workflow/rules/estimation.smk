@@ -104,6 +104,7 @@ rule estimation:
     """Estimate every row with every estimator."""
     input:
         **({"mesh_study": rules.mesh_study.output.out_json} if campaign.flow3d.mesh_study else {}),
+        **({"assumed_on": results("mesh", "mesh.json")} if assumes_mesh_error else {}),
         runs=RUNS,
         networks_npz=rules.estimation_train.output.networks_npz,
         zerod_tables=expand(rules.zerod_resampled.output.runs_parquet, k=targets.shares),

@@ -37,7 +37,7 @@ class Answer:
         if self.median is None:
             return f"{self.lesion}: mean FFR {self.mean:.3f} ± {self.std:.3f}"
         chance = "" if self.below is None else f", P(FFR ≤ {self.limit:.2f}) {self.below}"
-        return f"{self.lesion}: FFR {self.median:.2f} ({self.low:.2f} to {self.high:.2f} in 90 % of states){chance}"
+        return f"{self.lesion}: FFR {self.median:.2f} ({self.low:.2f} to {self.high:.2f}, 90 % range){chance}"
 
 
 def answers(home: str | Path) -> list[Answer]:
@@ -60,9 +60,9 @@ def answers(home: str | Path) -> list[Answer]:
 def _answer(lesion: str, rows: list[RowReport], percent: Percent) -> Answer:
     row = min(rows, key=lambda row: row.recommended_report.std)
     estimate, beyond = row.recommended_report, row.beyond_the_mean
-    quantiles, zones = beyond.quantiles or {}, beyond.zones or []
-    known = {"0.05", "0.50", "0.95"} <= set(quantiles)
-    median, low, high = (quantiles[q].value if known else None for q in ("0.50", "0.05", "0.95"))
+    ranges, zones = beyond.predictive or {}, beyond.zones or []
+    known = {"0.05", "0.50", "0.95"} <= set(ranges)
+    median, low, high = (ranges[share] if known else None for share in ("0.50", "0.05", "0.95"))
     limit, below = (zones[-1].above, _chance(zones[-1].complement, percent)) if zones else (None, None)
     return Answer(lesion, median, low, high, limit, below, estimate.mean, estimate.std, estimate.n_3d)
 

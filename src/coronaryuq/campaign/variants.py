@@ -105,6 +105,15 @@ def study_levels(targets: Targets, lumen: str | None) -> tuple[str, ...]:
     return next(levels for levels in studies if STUDY_RUNS * sum(STUDY_COST[level] for level in levels) <= allowed)
 
 
+def assumes_mesh_error(campaign: Campaign, lumen: str | None) -> bool:
+    """Return whether the error of the mesh is assumed where it was not measured; lumen: as of `study_levels`.
+
+    The paper's setting has no numerical error, and of a mesh made elsewhere the resolution is not known.
+    """
+    made = campaign.backend != "umbridge" and not (lumen is not None and Path(lumen).is_dir())
+    return campaign.uncertainty == "full" and made
+
+
 def own_settings(campaign: Campaign) -> dict[str, Any]:
     """Return the settings of the campaign's own 3D runs."""
     return campaign.flow3d.model_dump(mode="json", exclude={"coarse", "mesh_study"})

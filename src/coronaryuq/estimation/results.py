@@ -72,13 +72,15 @@ class Probability(Value):
 class BeyondTheMean:
     """Quantities other than the mean.
 
-    quantiles: share ("0.05") → value. zones: of FFR, in rising order; their probabilities add up to one.
-    sobol_first_order, sobol_total, shapley: input (the last two: or group of inputs) → index. by_source: source of
-    uncertainty → Shapley effect of its inputs together, if more than flow is uncertain.
+    quantiles: share ("0.05") → value, over the states. predictive: share → quantile of the patient's value, which also
+    holds the errors of `quantiles`, statistical and numerical. zones: of FFR, in rising order; their probabilities add
+    up to one. sobol_first_order, sobol_total, shapley: input (the last two: or group of inputs) → index. by_source:
+    source of uncertainty → Shapley effect of its inputs together, if more than flow is uncertain.
     """
 
     variance: Value | None = None
     quantiles: dict[str, Value] | None = None
+    predictive: dict[str, float] | None = None
     zones: list[Probability] | None = None
     sobol_first_order: dict[str, Value] | None = None
     sobol_total: dict[str, Value] | None = None
@@ -96,7 +98,7 @@ class PaperRow:
 
 
 STATISTICAL = ("runs_3d", "propagation", "chain")
-NUMERICAL = ("mesh", "time_step", "cycles")
+NUMERICAL = ("mesh", "time_step", "cycles", "assumed")
 SOURCES = (*STATISTICAL, *NUMERICAL)
 """Of the variance of an estimate."""
 
@@ -106,9 +108,9 @@ class EstimatorReport:
     """One estimator of one row.
 
     variance: of the mean by its source; they add up to the square of `std`: `runs_3d` (residuals), `propagation`,
-    `chain`, and `mesh`, `time_step`, `cycles` where the campaign measured them. n_0d: 0D runs made. predictions:
-    evaluations of the control variate. rho_in_sample, std_in_sample: as the paper has them, where the method was fitted
-    and judged on all runs too.
+    `chain`, and `mesh`, `time_step`, `cycles` where the campaign measured them, or `assumed` in their place. n_0d: 0D
+    runs made. predictions: evaluations of the control variate. rho_in_sample, std_in_sample: as the paper has them,
+    where the method was fitted and judged on all runs too.
     """
 
     method: str

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from pathlib import Path
 
-from coronaryuq.core.io.atomic import write_json
+from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.io.typed import plain
 from coronaryuq.core.provenance import stamp
@@ -11,6 +11,7 @@ from coronaryuq.estimation.analysis import estimate_rows, tables
 from coronaryuq.estimation.analysis.convergence import subsamples
 from coronaryuq.estimation.analysis.numerical_budget import corrected, with_numerical_error
 from coronaryuq.estimation.analysis.physical_range import within_range
+from coronaryuq.estimation.analysis.predictive import with_prediction
 from coronaryuq.estimation.estimators.level_allocation import Costs, worth
 from coronaryuq.estimation.results import CoarseLevel, Estimates, RowReport
 from coronaryuq.estimation.runs.gather import coarse_cost, measured_cost_ratio
@@ -18,12 +19,13 @@ from coronaryuq.estimation.settings import Settings
 from coronaryuq.estimation.surrogates.networks_file import read_networks, read_resampled
 from coronaryuq.estimation.training import read_chosen
 from coronaryuq.flow3d.mesh_study import read_discretization
+from coronaryuq.flow3d.numerical_error import assumed_errors
 
 
 def estimate(
     runs_folder: str | Path, networks_npz: str | Path | None, zerod_tables: list[str | Path], settings: Settings,
     seed: int, estimates_json: str | Path, table_csv: str | Path, rows_csv: str | Path | None = None,
-    mesh_study: str | Path | None = None,
+    mesh_study: str | Path | None = None, assumed_on: str | Path | None = None,
 ) -> None:  # fmt: skip
     """Estimate every row; write `estimates.json` and the table.
 
@@ -39,6 +41,9 @@ def estimate(
         Files to write.
     mesh_study
         `mesh_study.json`: numerical error of the 3D runs, by which outputs are corrected and intervals widened.
+    assumed_on
+        `mesh.json` of the 3D runs, from which errors are assumed where that of the mesh was not measured; None: none
+        are.
 
     Raises
     ------
@@ -49,8 +54,13 @@ def estimate(
     networks = read_networks(networks_npz) if networks_npz else None
     outputs = read_resampled(zerod_tables) if networks else None
     errors = read_discretization(mesh_study) if mesh_study else {}
+    if assumed_on:
+        settled = read_json(assumed_on, ("settings",))["settings"]["throat_resolution"]
+        assumed = assumed_errors(settled, runs.y.columns)
+        unmeasured = {name for name in assumed if not any(error.source == "mesh" for error in errors.get(name, ()))}
+        errors |= {name: assumed[name] for name in assumed if name in unmeasured}
     results = estimate_rows.analyse(corrected(runs, errors), rows, settings, seed, networks, outputs)
-    results = [within_range(with_numerical_error(row, errors)) for row in results]
+    results = [within_range(with_prediction(with_numerical_error(row, errors))) for row in results]
     coarse = _coarse_level(Path(runs_folder) / "failures.json", results, settings)
     estimates = Estimates(results, coarse, settings.model_dump(mode="json"), stamp(seed=seed))
     write_json(estimates_json, plain(estimates))

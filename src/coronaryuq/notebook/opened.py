@@ -214,10 +214,10 @@ class Opened:
 
 def _ffr(row: RowReport) -> dict[str, Any]:
     best, beyond = row.recommended_report, row.beyond_the_mean
-    quantiles = beyond.quantiles or {}
+    ranges = beyond.predictive or {}
     values: dict[str, Any] = {}
     for name, share in (("q05", "0.05"), ("median", "0.50"), ("q95", "0.95")):
-        values[name] = quantiles[share].value if share in quantiles else None
+        values[name] = ranges.get(share)
     values |= {f"P({zone.zone})": zone.value for zone in beyond.zones or []}
     values |= {"mean": best.mean, "std": best.std, "low": best.calibrated.low, "high": best.calibrated.high}
     return values | {"estimator": row.recommended, "warnings": "; ".join([*row.warnings, *best.warnings])}

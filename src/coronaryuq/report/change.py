@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import ndtri
 
-from coronaryuq.estimation.results import NUMERICAL, STATISTICAL, EstimatorReport, Probability, RowReport, Value
+from coronaryuq.estimation.results import NUMERICAL, STATISTICAL, EstimatorReport, Probability, RowReport
 from coronaryuq.report.error_budget import WORDS
 from coronaryuq.report.improve import improve_first, numerical_share
 from coronaryuq.report.quantities import FFR_DECIMALS
@@ -28,7 +28,7 @@ def what_would_change(row: RowReport, zones: Sequence[Probability], driver: Mapp
     driver
         `name` and `share` of the input that explains most of the variance of FFR, None if none was found.
     """
-    quantiles = row.beyond_the_mean.quantiles or {}
+    quantiles = row.beyond_the_mean.predictive or {}
     limit = zones[-1].above if zones else None
     if limit is None or not {"0.05", "0.50", "0.95"} <= set(quantiles):
         return []
@@ -49,7 +49,7 @@ def verdict_of(below: Probability) -> bool | None:
     return False if below.high < 1 - LIKELY else None
 
 
-def _shift(quantiles: Mapping[str, Value], below: Probability, limit: float) -> tuple[str, float]:
+def _shift(quantiles: Mapping[str, float], below: Probability, limit: float) -> tuple[str, float]:
     """Return in words which shift of FFR in every state changes the conclusion, and its size."""
     low, median, high = (_quantile(quantiles, share) for share in (1 - LIKELY, 0.5, LIKELY))
     limits = verdict_of(below)
@@ -71,9 +71,9 @@ def _by(side: str, shift: float) -> str:
     return f"{side} by about {shift:.2f}" if shift >= LEAST else f"a little {side}"
 
 
-def _quantile(quantiles: Mapping[str, Value], share: float) -> float:
+def _quantile(quantiles: Mapping[str, float], share: float) -> float:
     """Return a quantile of FFR, between the estimated ones on a straight line over those of a normal distribution."""
-    known = sorted((float(name), value.value) for name, value in quantiles.items())
+    known = sorted((float(name), value) for name, value in quantiles.items())
     return float(np.interp(ndtri(share), ndtri([name for name, _ in known]), [value for _, value in known]))
 
 

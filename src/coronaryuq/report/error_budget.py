@@ -11,8 +11,11 @@ WORDS = {
     "mesh": "mesh",
     "time_step": "time step",
     "cycles": "cycles",
+    "assumed": "mesh and time step (assumed)",
 }
 """Sources of error as a reader knows them."""
+ASSUMED = "assumed"
+"""Stands for every numerical error."""
 
 
 def error_budget(estimate: EstimatorReport) -> dict:
@@ -40,7 +43,7 @@ def includes(estimates: Sequence[EstimatorReport]) -> str:
     """Return in words which errors the intervals of some estimates include, and which nobody measured."""
     measured = {name for estimate in estimates for name in estimate.variance}
     named = [WORDS[name] for name in SOURCES if name in measured]
-    return f"It includes the errors of {_joined(named)}{_missing(dict.fromkeys(measured, 0.0))}."
+    return f"The numerical error includes those of {_joined(named)}{_missing(dict.fromkeys(measured, 0.0))}."
 
 
 def _missing(variance: Mapping[str, float]) -> str:
@@ -56,7 +59,9 @@ def _left_out(variance: Mapping[str, float]) -> str:
 
 
 def _unmeasured(variance: Mapping[str, float]) -> list[str]:
-    return [WORDS[name] for name in NUMERICAL if name not in variance]
+    if ASSUMED in variance:
+        return []
+    return [WORDS[name] for name in NUMERICAL if name not in variance and name != ASSUMED]
 
 
 def _joined(names: Sequence[str]) -> str:

@@ -53,7 +53,7 @@ def lesion_card(lesion: Lesion, rows: Sequence[RowReport]) -> dict:
     ffr_row = recommended_row(rows, f"{FFR}{branch}")
     beyond, digits = ffr_row.beyond_the_mean, Digits(ffr_row.column_3d, rows)
     zones, quantiles = beyond.zones or [], beyond.quantiles or {}
-    patient, verdict = _patient(quantiles), _verdict(name, zones)
+    patient, verdict = _patient(beyond.predictive or {}), _verdict(name, zones)
     percent = Percent(rows)
     estimate, drivers = ffr_row.recommended_report, _drivers(beyond.shapley or {}, lesion.inputs)
     return {
@@ -108,11 +108,10 @@ def _cells(rows: Sequence[RowReport], branch: str, mesh: MeshError, extreme: boo
     return [quantity_cell(recommended_row(rows, column), rows, mesh) for column in columns if column in estimated]
 
 
-def _patient(quantiles: Mapping[str, Value]) -> dict:
-    """Return median, quartiles and outermost quantiles of FFR over the posterior; empty without them."""
-    if not {"0.05", "0.50", "0.95"} <= set(quantiles):
+def _patient(value: Mapping[str, float]) -> dict:
+    """Return median, quartiles and 90 % range of the patient's FFR, by predictive quantiles; empty without them."""
+    if not {"0.05", "0.50", "0.95"} <= set(value):
         return {}
-    value = {share: quantiles[share].value for share in quantiles}
     low, median, high = (f"{value[share]:.2f}" for share in ("0.05", "0.50", "0.95"))
     inner = [value.get("0.25", value["0.50"]), value.get("0.75", value["0.50"])]
     scale = [min(SCALE[0], np.floor(10 * value["0.05"]) / 10), SCALE[1]]
@@ -171,10 +170,7 @@ def _sentence(verdict: str, patient: dict, zones: Sequence[Probability], percent
     """Return the conclusion in one sentence of plain words."""
     if not patient:
         return f"{verdict}: no distribution over the states that fit the data was estimated."
-    ffr = (
-        f"FFR is {patient['median']} (median), and {patient['low']} to {patient['high']} in 90 % of the states that "
-        "fit the data"
-    )
+    ffr = f"FFR is {patient['median']} (median), and with a probability of 90 % {patient['low']} to {patient['high']}"
     if not zones:
         return f"{verdict}: {ffr}."
     chance = percent.in_words(zones[-1].complement)

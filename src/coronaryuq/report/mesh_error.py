@@ -7,7 +7,7 @@ import numpy as np
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json
 from coronaryuq.flow3d.mesh_study import read_discretization
-from coronaryuq.flow3d.numerical_error import NumericalError
+from coronaryuq.flow3d.numerical_error import ASSUMED, NumericalError
 
 EXTREMES = {"tawss_min_": "min TAWSS (dyn/cm²)", "osi_max_": "max OSI"}
 """Quantities that have settled on no mesh tried, by the beginning of their 3D columns."""
@@ -26,10 +26,12 @@ class MeshError:
         mesh.json of the campaign.
     study
         mesh_study.json, or None.
+    assumed
+        Whether estimates include an assumed error, because that of the mesh was not measured.
     """
 
-    def __init__(self, mesh: str | Path, study: str | Path | None):
-        self.mesh = read_json(mesh)
+    def __init__(self, mesh: str | Path, study: str | Path | None, assumed: bool = False):
+        self.mesh, self.assumed = read_json(mesh), assumed
         self.study = read_json(study, ("checksum", "nodes", "not_measured")) if study else None
         self.of_another_mesh = self.study is not None and self.study["checksum"] != provenance.checksum(mesh)
         self.errors: dict[str, list[NumericalError]] = {}
@@ -56,12 +58,28 @@ class MeshError:
         )
         if self.study is None or self.of_another_mesh:
             state = "was measured on another mesh" if self.of_another_mesh else "was not measured"
-            return mesh + (f"Its error {state}; the target `mesh_study` of the workflow measures it. {SLOW}")
+            return (
+                mesh
+                + f"Its error {state}; the target `mesh_study` of the workflow measures it. {self._assumed()}{SLOW}"
+            )
         missing = "".join(
             f"The error of the {WORDS[source]} was not measured: {reason}. "
             for source, reason in self.study["not_measured"].items()
         )
-        return mesh + self._measured() + missing + self._reliability()
+        return mesh + self._measured() + missing + self._assumed() + self._reliability()
+
+    def _assumed(self) -> str:
+        """Return what was assumed in place of a measured error."""
+        if not self.assumed:
+            return ""
+        ffr, drop = (
+            f"{100 * ASSUMED[name] / self.mesh['settings']['throat_resolution'] ** 2:.0f} %"
+            for name in ("ffr_", "pressure_drop_")
+        )
+        return (
+            f"Instead, intervals include errors of the usual size on meshes of this resolution: {ffr} of 1 − FFR and "
+            f"{drop} of a pressure drop (one standard deviation). "
+        )
 
     def _measured(self) -> str:
         """Return what the numbers beside the estimates mean."""

@@ -22,7 +22,7 @@ from coronaryuq.report import adoption, coarse_level, discrepancy, interval_targ
 from coronaryuq.report.alt_texts import alternatives
 from coronaryuq.report.costs import costs
 from coronaryuq.report.embedding import FIRST, data_url, figures_of_sections, unbroken
-from coronaryuq.report.error_budget import includes
+from coronaryuq.report.error_budget import ASSUMED, includes
 from coronaryuq.report.input_names import input_names
 from coronaryuq.report.lesions import Lesion, lesion_card
 from coronaryuq.report.mesh_error import MeshError
@@ -67,7 +67,8 @@ def write_report(
     summary, mesh_json = read_summary(files["summary"]), read_description(files["mesh"])
     failures, estimates = read_json(files["failures"]), read_estimates(files["estimates"])
     rows = estimates.rows
-    notes, mesh = Notes(_names(case, rows)), MeshError(files["mesh"], files.get("mesh_study"))
+    assumed = any(ASSUMED in row.recommended_report.variance for row in rows)
+    notes, mesh = Notes(_names(case, rows)), MeshError(files["mesh"], files.get("mesh_study"), assumed)
     readings = tree.Readings.read(case, files["tree"], files["pressures"])
     asked = predicted.read_predicted(files["predicted"])
     lowest = predicted.lowest(asked, readings)

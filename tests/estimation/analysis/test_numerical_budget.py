@@ -10,16 +10,17 @@ from coronaryuq.estimation.analysis.estimate_rows import analyse
 from coronaryuq.estimation.analysis.numerical_budget import corrected, with_numerical_error
 from coronaryuq.estimation.runs.table import Row
 from coronaryuq.estimation.settings import Settings
-from coronaryuq.flow3d.numerical_error import NumericalError
+from coronaryuq.flow3d.numerical_error import NumericalError, assumed_errors
 from support.runs import runs_of
 
 ROW = Row("ffr", "ffr_lad", "q", "FFR, FFR, LAD")
 ERRORS = {
     "ffr_lad": [
-        NumericalError("mesh", 0.01, 0.003, 1.8, "richardson", 4, 0.001),
-        NumericalError("time_step", 0.0, 0.004, None, "two_levels", 4, 0.001),
+        NumericalError("mesh", 0.01, 0.003, 0.8, 1.8, "richardson", 4, 0.001),
+        NumericalError("time_step", 0.0, 0.004, 0.8, None, "two_levels", 4, 0.001),
     ]
 }
+"""Errors at an FFR of 0.8: of a fifth, what is lost."""
 
 
 @pytest.fixture(scope="module")
@@ -39,18 +40,24 @@ def test_estimates_move_by_the_correction_and_their_variance_has_the_new_parts(b
     plain, full = both
     for name, report in full.estimators.items():
         before = plain.estimators[name]
-        assert report.mean == pytest.approx(before.mean + 0.01, abs=2e-4)
+        loss = (1 - report.mean) / 0.2
+        assert report.mean == pytest.approx(before.mean + 0.05 * (1 - before.mean), abs=2e-4)
         assert sum(report.variance.values()) == pytest.approx(report.std**2)
-        assert report.variance["mesh"] == pytest.approx(9e-6) and report.variance["time_step"] == pytest.approx(16e-6)
-        assert report.calibrated.half_width > 1.96 * 0.005
-    assert full.numerical_correction == 0.01 and plain.numerical_correction is None
+        assert report.variance["mesh"] == pytest.approx(9e-6 * loss**2)
+        assert report.variance["time_step"] == pytest.approx(16e-6 * loss**2)
+        assert report.calibrated.half_width > 1.96 * 0.005 * loss
+    lost = 1 - full.recommended_report.mean
+    assert full.numerical_correction == pytest.approx(0.05 * lost) and plain.numerical_correction is None
 
 
 def test_quantiles_and_zones_move_and_widen(both):
     plain, full = both
     middle, before = full.beyond_the_mean.quantiles["0.50"], plain.beyond_the_mean.quantiles["0.50"]
-    assert middle.value == pytest.approx(before.value + 0.01, abs=1e-3)
+    assert middle.value == pytest.approx(before.value + 0.05 * (1 - before.value), abs=1e-3)
     assert middle.high - middle.low > before.high - before.low
+    errors = {share: value.std for share, value in full.beyond_the_mean.quantiles.items()}
+    least = {share: 0.025 * (1 - value.value) for share, value in full.beyond_the_mean.quantiles.items()}
+    assert all(errors[share] >= least[share] for share in errors), "in proportion to what is lost"
     high, before = full.beyond_the_mean.zones[-1], plain.beyond_the_mean.zones[-1]
     assert high.value > before.value and high.std > before.std
     assert all(0 <= zone.low <= zone.high <= 1 for zone in full.beyond_the_mean.zones)
@@ -60,3 +67,23 @@ def test_other_rows_stay(both):
     plain, _ = both
     other = replace(plain, column_3d="osi_max_lad")
     assert with_numerical_error(other, ERRORS) is other
+
+
+def test_the_error_of_wall_shear_is_a_fraction_and_that_of_oscillation_is_not():
+    error = NumericalError("mesh", 1.0, 1.0, 10.0, 2.0, "richardson", 4, 0.1)
+    values = np.array([5.0, 20.0])
+    assert error.grown("tawss_min_lad", values) == pytest.approx([0.5, 2.0])
+    assert error.grown("pressure_drop_lad", values) == pytest.approx([0.5, 2.0])
+    assert error.grown("osi_max_lad", values) == pytest.approx([1.0, 1.0])
+    nothing_lost = replace(error, at=1.0)
+    assert nothing_lost.grown("ffr_lad", values) == pytest.approx([1.0, 1.0])
+
+
+def test_what_is_assumed_widens_without_a_correction(both):
+    plain, _ = both
+    full = with_numerical_error(plain, assumed_errors(4.0, ["ffr_lad", "osi_max_lad"]))
+    assert full.numerical_correction is None
+    for name, report in full.estimators.items():
+        assert report.mean == plain.estimators[name].mean
+        assert report.variance["assumed"] == pytest.approx(((1 - report.mean) / 48) ** 2)
+    assert set(assumed_errors(4.0, ["osi_max_lad", "tawss_min_lad", "lowest_ffr_lad"])) == {"lowest_ffr_lad"}

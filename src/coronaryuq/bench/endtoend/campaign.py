@@ -33,7 +33,8 @@ FIXED: dict[str, dict[str, Any]] = {
 class Said:
     """What a campaign says.
 
-    vessels: stenosis → quantity → `quantiles` and, for FFR, `below`, P(FFR ≤ 0.80), and `method`. rhat_max,
+    vessels: stenosis → quantity → `quantiles`, those that are stated, and, for FFR, `below`, P(FFR ≤ 0.80), and
+    `method`. rhat_max,
     ess_bulk_min, converged: of its posterior.
     """
 
@@ -105,7 +106,7 @@ def said(results: Path, cpu_s: float) -> Said:
     for column in dict.fromkeys(row.column_3d for row in rows):
         row = min((row for row in rows if row.column_3d == column), key=lambda row: row.recommended_report.std)
         quantity, _, vessel = column.rpartition("_")
-        if row.beyond_the_mean.quantiles:
+        if row.beyond_the_mean.predictive:
             vessels.setdefault(vessel, {})[quantity] = _answer(row, quantity)
     diagnosis = {name: posterior[name] for name in ("rhat_max", "ess_bulk_min", "converged")}
     return Said(vessels, **diagnosis, cpu_s=cpu_s)
@@ -114,7 +115,7 @@ def said(results: Path, cpu_s: float) -> Said:
 def _answer(row: RowReport, quantity: str) -> dict[str, Any]:
     beyond = row.beyond_the_mean
     answer: dict[str, Any] = {
-        "quantiles": {share: value.value for share, value in (beyond.quantiles or {}).items()},
+        "quantiles": dict(beyond.predictive or {}),
         "method": row.recommended,
     }
     if quantity == FFR and beyond.zones:

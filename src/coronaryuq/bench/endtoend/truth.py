@@ -90,7 +90,7 @@ def find_truth(drawn: Drawn, level: Level) -> Truth:
         write_network(rest, plain.rest.network)
         write_network(stressed, plain.hyperaemia.network)
         make_mesh(case, tree, stressed, level.mesh, folder / "mesh")
-        write_csv(folder / "samples.csv", _lanes(drawn))
+        write_csv(folder / "samples.csv", lanes(drawn))
         mesh = folder / "mesh" / "mesh.json"
         batch = Batch(case, stressed, folder / "mesh" / "mesh-complete", mesh, folder / "samples.csv", 0, LANES, tree)
         runs = folder / "runs.jsonl"
@@ -105,7 +105,7 @@ def find_truth(drawn: Drawn, level: Level) -> Truth:
     return Truth(found[0].outputs, trained, plain.hyperaemia.ffr, trained.hyperaemia.ffr, cost)
 
 
-def _lanes(drawn: Drawn) -> pd.DataFrame:
+def lanes(drawn: Drawn) -> pd.DataFrame:
     """Return the inputs of a block: the patient, then other bed resistances."""
     beds = [bed_name(outlet.vessel) for outlet in drawn.true.outlets if outlet.perfuses == "LV"]
     random = generator(drawn.seed, PURPOSE, "teaching", drawn.index)

@@ -24,30 +24,43 @@ def corrected(runs: Runs, errors: Errors) -> Runs:
 
     A coarse 3D level keeps its outputs: estimators take only differences to it.
     """
-    shift = pd.Series({name: _correction(errors, name) for name in runs.y.columns})
-    return replace(runs, y=runs.y + shift)
+    shift = pd.DataFrame({name: _correction(errors, name, runs.y[name].to_numpy()) for name in runs.y.columns})
+    return replace(runs, y=runs.y + shift.set_axis(runs.y.index))
 
 
 def with_numerical_error(row: RowReport, errors: Errors) -> RowReport:
     """Return a row of corrected runs whose standard errors and intervals include the numerical error.
 
-    Half-widths are added in squares. Quantiles move as the mean does; a zone's probability moves by the distribution
-    function at its limits, which is taken to be linear between the estimated quantiles.
+    Half-widths are added in squares. A zone's probability moves by the distribution function at its limits, which is
+    taken to be linear between the estimated quantiles. `numerical_correction` is that of the recommended mean.
     """
-    if row.column_3d not in errors:
+    name = row.column_3d
+    if name not in errors:
         return row
-    sources: dict[str, float] = {error.source: error.std**2 for error in errors[row.column_3d]}
-    extra = sum(sources.values())
+    measured = any(error.method != "assumed" for error in errors[name])
+
+    def std(value: float) -> float:
+        return sum(_variances(errors, name, value).values()) ** 0.5
+
+    wider = {key: _wider(report, _variances(errors, name, report.mean)) for key, report in row.estimators.items()}
     return replace(
         row,
-        estimators={name: _wider(report, sources) for name, report in row.estimators.items()},
-        beyond_the_mean=_beyond(row.beyond_the_mean, extra**0.5),
-        numerical_correction=_correction(errors, row.column_3d),
+        estimators=wider,
+        beyond_the_mean=_beyond(row.beyond_the_mean, std),
+        numerical_correction=float(_correction(errors, name, row.recommended_report.mean)) if measured else None,
     )
 
 
-def _correction(errors: Errors, name: str) -> float:
-    return float(sum(error.correction for error in errors.get(name, ())))
+def _correction(errors: Errors, name: str, values: float | np.ndarray) -> float | np.ndarray:
+    shift = np.zeros_like(values)
+    for error in errors.get(name, ()):
+        shift = shift + error.correction * error.grown(name, values)
+    return shift
+
+
+def _variances(errors: Errors, name: str, value: float) -> dict[str, float]:
+    """Return source → variance of its error where the quantity has a value."""
+    return {error.source: float(error.std * error.grown(name, value)) ** 2 for error in errors[name]}
 
 
 def _wider(report: EstimatorReport, sources: Mapping[str, float]) -> EstimatorReport:
@@ -65,10 +78,11 @@ def _wider(report: EstimatorReport, sources: Mapping[str, float]) -> EstimatorRe
     )
 
 
-def _beyond(found: BeyondTheMean, std: float) -> BeyondTheMean:
+def _beyond(found: BeyondTheMean, std: Callable[[float], float]) -> BeyondTheMean:
+    """Return what is estimated beyond the mean, with the numerical error; std: of a value of the quantity."""
     quantiles = found.quantiles
     if quantiles is not None:
-        quantiles = {share: _widened(value, std) for share, value in quantiles.items()}
+        quantiles = {share: _widened(value, std(value.value)) for share, value in quantiles.items()}
     zones = found.zones
     if zones is not None and found.quantiles:
         moved = _mover(found.quantiles, std)
@@ -76,15 +90,15 @@ def _beyond(found: BeyondTheMean, std: float) -> BeyondTheMean:
     return replace(found, quantiles=quantiles, zones=zones)
 
 
-def _mover(quantiles: Mapping[str, Value], std: float) -> Callable[[float | None], float]:
-    """Return how far the probability below a limit moves with the quantity, by one standard deviation."""
+def _mover(quantiles: Mapping[str, Value], std: Callable[[float], float]) -> Callable[[float | None], float]:
+    """Return how far the probability below a limit moves with the quantity, by one standard deviation there."""
     shares = sorted(quantiles, key=float)
     at, below = [quantiles[share].value for share in shares], [float(share) for share in shares]
 
     def moved(limit: float | None) -> float:
         if limit is None:
             return 0.0
-        ends = np.interp([limit - std, limit + std], at, below, left=0.0, right=1.0)
+        ends = np.interp([limit - std(limit), limit + std(limit)], at, below, left=0.0, right=1.0)
         return float(np.diff(ends)[0]) / 2
 
     return moved

@@ -30,6 +30,9 @@ def within_range(row: RowReport) -> RowReport:
     beyond = row.beyond_the_mean
     if beyond.quantiles is not None:
         beyond = replace(beyond, quantiles={share: _quantile(value, ends) for share, value in beyond.quantiles.items()})
+    if beyond.predictive is not None:
+        inside = {share: min(max(value, ends[0]), ends[1]) for share, value in beyond.predictive.items()}
+        beyond = replace(beyond, predictive=inside)
     return replace(
         row,
         estimators={name: _report(report, ends) for name, report in row.estimators.items()},
