@@ -19,11 +19,13 @@ FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent / "docs"
 PATIENTS, PAGE = FOLDER / "endtoend-patients.jsonl", DOCS / "evidence" / "end-to-end.md"
 PICTURE = DOCS / "pictures" / "end-to-end.png"
-UNSEEN, NEW = 100, "full, never seen"
-"""Patients from this index on are run once, and nothing was changed after looking at them; what their rows are called.
-"""
+UNSEEN = {"full, 200 to 249": range(200, 250), "full, 100 to 149": range(100, 150)}
+"""Patients that were run once, the latest first, with nothing changed after looking at them; what their rows are
+called."""
+KNOWN = "full, 0 to 99"
+"""What the rows of patients are called in which causes of misses were looked for; `paper` has the same patients."""
 START, END = "<!-- scores -->", "<!-- end of scores -->"
-COLOURS = {"full": SIMULATED, "paper": "#D55E00"}
+COLOURS = (SIMULATED, "#D55E00")
 NAMES = {
     FFR: "FFR", "tawss_patch_min": "TAWSS, lowest patch (dyn/cm²)", "tawss_mean": "TAWSS, mean (dyn/cm²)",
     "osi_patch_max": "OSI, highest patch", "osi_mean": "OSI, mean",
@@ -87,15 +89,19 @@ def quantity(scores: dict, name: str) -> dict:
 
 def draw(of: dict[str, list[dict]]) -> None:
     """Draw stated ranges against true FFR, the PIT histogram, and the reliability diagram."""
+    truths: list[float] = []
+    counts: list[int] = []
     with saved(PICTURE, ncols=3, figsize=(11.5, 4.2)) as (_, (ranges, histogram, diagram)):
         for number, (setting, lines) in enumerate(of.items()):
             answers = answers_by_quantity(line for line in lines if line["failed"] is None)[FFR]
-            colour, scores = COLOURS[setting], summary(lines)
+            colour, scores = COLOURS[number], summary(lines)
+            truths += [one["truth"] for one in answers]
+            counts.append(len(answers))
             for k, one in enumerate(answers):
                 at, q = one["truth"] + 0.003 * (number - 0.5), one["quantiles"]
                 ranges.plot([at, at], [q["0.05"], q["0.95"]], color=colour, lw=1.2, alpha=0.8)
                 ranges.plot(
-                    at, q["0.50"], "o", color=colour, ms=3, label=None if k else f"{setting}: 90 % range, median"
+                    at, q["0.50"], "o", color=colour, ms=3, label=None if k else f"{setting}: {len(answers)} stenoses"
                 )
             edges = np.linspace(0, 1, PIT_BINS + 1)
             share = np.array(quantity(scores, FFR)["pit"]) / len(answers)
@@ -111,24 +117,22 @@ def draw(of: dict[str, list[dict]]) -> None:
                     row["vessels"], (row["stated"] + shift, row["observed"]), xytext=(4 if number else -4, 3),
                     ha="left" if number else "right", textcoords="offset points", fontsize=7, color=colour,
                 )  # fmt: skip
-        count = len(answers)
         ends = ranges.get_ylim()
         ranges.plot([0, 1.1], [0, 1.1], color=DARK, lw=0.8)
         for line in (ranges.axhline, ranges.axvline):
             line(LIMIT, color=DARK, lw=0.8, ls=(0, (4, 3)), zorder=0.5)
-        truths = [one["truth"] for one in answers]
         ranges.set(
             xlabel="true FFR (3D on the true lumen)", ylabel="stated FFR", ylim=ends,
-            xlim=(min(truths) - 0.03, max(truths) + 0.03), title=f"FFR of {count} stenoses",
+            xlim=(min(truths) - 0.03, max(truths) + 0.03), title="90 % range and median of FFR",
         )  # fmt: skip
         even = 1 / PIT_BINS
         histogram.axhline(even, color=DARK, lw=0.8)
-        spread = 1.96 * np.sqrt(even * (1 - even) / count)
+        spread = 1.96 * np.sqrt(even * (1 - even) / min(counts))
         histogram.axhspan(max(even - spread, 0), even + spread, color=MUTED, alpha=0.25, lw=0)
         histogram.set(
             xlabel="stated probability below the true FFR", ylabel="share of stenoses", xlim=(0, 1), ylim=(0, None)
         )
-        histogram.set_title("PIT; grey: 95 % of even ones")
+        histogram.set_title("PIT; grey: 95 % of even ones, fewer stenoses")
         diagram.plot([0, 1], [0, 1], color=DARK, lw=0.8)
         diagram.set(
             xlabel="stated P(FFR ≤ 0.80)", ylabel="share with true FFR ≤ 0.80", xlim=(-0.05, 1.05), ylim=(-0.05, 1.05)
@@ -143,13 +147,16 @@ def main() -> None:
     head, lines = joined([Path(name) for name in sys.argv[1:]])
     PATIENTS.write_text("".join(json.dumps(line) + "\n" for line in [head, *lines]), encoding="utf-8")
     of = {s: [line for line in lines if line["setting"] == s] for s in ("full", "paper")}
-    unseen = [line for line in of["full"] if line["index"] >= UNSEEN]
+    shown = {name: [line for line in of["full"] if line["index"] in its] for name, its in UNSEEN.items()}
     # Both settings are compared on the same patients.
-    both = {line["index"] for line in of["full"] if line["index"] < UNSEEN}
-    both &= {line["index"] for line in of["paper"]}
-    of = {setting: [line for line in own if line["index"] in both] for setting, own in of.items()}
-    levels = beside_0d(of["full"])
-    text = tables(of | ({NEW: unseen} if unseen else {}))
+    both = {line["index"] for line in of["full"]} & {line["index"] for line in of["paper"]}
+    shown |= {
+        name: [line for line in of[setting] if line["index"] in both]
+        for name, setting in ((KNOWN, "full"), ("paper", "paper"))
+    }
+    shown = {name: its for name, its in shown.items() if its}
+    levels = beside_0d([line for name in shown if name != "paper" for line in shown[name]])
+    text = tables(shown)
     text += ["", "FFR by 0D less that of the 3D truth, root mean square and largest:"]
     for name, what in (("ffr_0d", "with the losses of Young and Tsai"), ("ffr_trained", "with losses learnt from 3D")):
         text.append(f"{what} {levels[name]['rms']:.4f} and {levels[name]['largest']:+.4f};".replace("-", "−"))
@@ -157,7 +164,8 @@ def main() -> None:
     page = PAGE.read_text(encoding="utf-8")
     before, after = page.split(START)[0], page.split(END)[1]
     PAGE.write_text(before + START + "\n" + "\n".join(text) + "\n" + END + after, encoding="utf-8")
-    draw(of)
+    latest = next(iter(shown))
+    draw({latest: shown[latest], "paper, 0 to 99": shown["paper"]})
 
 
 if __name__ == "__main__":
