@@ -74,8 +74,8 @@ def test_the_card_has_the_pressure_drop_and_leaves_the_lowest_ffr_to_the_artery(
 def test_the_conclusion_is_one_sentence_with_the_patients_range_and_the_probability(card):
     told = card(zones=zones(0.93, 0.91, 0.95), quantiles=quantiles(0.66, 0.714, 0.81))["sentence"]
     assert told == (
-        "The LAD stenosis very likely limits blood flow: FFR is 0.71 (median), and with a probability of 90 % "
-        "0.66 to 0.81; the probability of 0.80 or less is 93 %."
+        "The LAD stenosis very likely limits blood flow: FFR is 0.71 (90 % range 0.66 to 0.81); the "
+        "probability of 0.80 or less is 93 %."
     )
 
 

@@ -106,9 +106,9 @@ def test_the_first_screen_has_the_patients_quantiles_and_probabilities(page, res
         row = min(of_artery, key=lambda one: one["estimators"][one["recommended"]]["std"])
         low, median, high = (f"{row['beyond_the_mean']['predictive'][q]:.2f}" for q in ("0.05", "0.50", "0.95"))
         card = plain(markup)
-        assert f"Median FFR {median} {low} to {high} with a probability of 90 %" in card
+        assert f"Median FFR {median} 90 % range {low} to {high}" in card
         (line,) = [line for line in conclusions if f"{artery} stenosis" in line]
-        assert f"FFR is {median} (median), and with a probability of 90 % {low} to {high}" in line
+        assert f"FFR is {median} (90 % range {low} to {high})" in line
         zones = row["beyond_the_mean"]["zones"]
         in_card = re.findall(r"<dd><b>(<|>|)\s*([\d.]+)\s%</b>", html.unescape(markup))
         in_line = re.search(r"or less is (below |above |)([\d.]+) %", line).groups()

@@ -170,7 +170,7 @@ def _sentence(verdict: str, patient: dict, zones: Sequence[Probability], percent
     """Return the conclusion in one sentence of plain words."""
     if not patient:
         return f"{verdict}: no distribution over the states that fit the data was estimated."
-    ffr = f"FFR is {patient['median']} (median), and with a probability of 90 % {patient['low']} to {patient['high']}"
+    ffr = f"FFR is {patient['median']} (90 % range {patient['low']} to {patient['high']})"
     if not zones:
         return f"{verdict}: {ffr}."
     chance = percent.in_words(zones[-1].complement)
