@@ -135,7 +135,7 @@ def draw(of: dict[str, list[dict]]) -> None:
         histogram.set_title("PIT; grey: 95 % of even ones, fewer stenoses")
         diagram.plot([0, 1], [0, 1], color=DARK, lw=0.8)
         diagram.set(
-            xlabel="stated P(FFR ≤ 0.80)", ylabel="share with true FFR ≤ 0.80", xlim=(-0.05, 1.05), ylim=(-0.05, 1.05)
+            xlabel="stated P(FFR ≤ 0.80)", ylabel="share with true FFR ≤ 0.80", xlim=(-0.1, 1.05), ylim=(-0.05, 1.05)
         )
         diagram.set_title("numbers: stenoses in the bin")
         for axes in (ranges, histogram, diagram):
