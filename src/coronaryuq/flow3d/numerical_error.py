@@ -72,15 +72,16 @@ class NumericalError:
     def grown(self, quantity: str, value: float | np.ndarray) -> float | np.ndarray:
         """Return the error where a quantity has some value, over that where it is `at`.
 
+        It is in proportion to what it is an error of, unless it is larger than that: then there is no proportion.
+
         quantity: name of the 3D output.
         """
+        at = np.nan
         if quantity.startswith(LOSSES):
             value, at = 1.0 - value, 1.0 - self.at
         elif quantity.startswith(FRACTIONS):
             at = self.at
-        else:
-            return np.ones_like(value)
-        return value / at if at else np.ones_like(value)
+        return value / at if at > max(self.std, abs(self.correction)) else np.ones_like(value)
 
 
 def numerical_error(source: Source, size: np.ndarray, values: np.ndarray, own: int) -> NumericalError:

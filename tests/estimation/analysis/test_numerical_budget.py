@@ -75,8 +75,9 @@ def test_the_error_of_wall_shear_is_a_fraction_and_that_of_oscillation_is_not():
     assert error.grown("tawss_min_lad", values) == pytest.approx([0.5, 2.0])
     assert error.grown("pressure_drop_lad", values) == pytest.approx([0.5, 2.0])
     assert error.grown("osi_max_lad", values) == pytest.approx([1.0, 1.0])
-    nothing_lost = replace(error, at=1.0)
-    assert nothing_lost.grown("ffr_lad", values) == pytest.approx([1.0, 1.0])
+    for hardly_lost in (1.0, 0.999, 1.001):
+        small = replace(error, correction=0.001, std=0.002, at=hardly_lost)
+        assert small.grown("ffr_lad", np.array([0.9, 1.0])) == pytest.approx([1.0, 1.0])
 
 
 def test_what_is_assumed_widens_without_a_correction(both):
