@@ -31,7 +31,9 @@ def _confusion(axes, answered, title: str) -> None:
     for (row, column), count in np.ndenumerate(counts):
         if count:
             dark = count > 0.5 * counts[row].sum()
-            axes.text(column, row, count, ha="center", va="center", fontsize=8, color="w" if dark else "k")
+            # As wide as two digits at most: white ones beyond the cell would be lost on its pale surroundings.
+            size = 8 * min(1.0, 2.5 / len(str(count)))
+            axes.text(column, row, count, ha="center", va="center", fontsize=size, color="w" if dark else "k")
     axes.set_xticks(range(len(answers)), list(map(cell_label, answers)), rotation=60, ha="right", fontsize=8)
     axes.set_yticks(range(len(hidden)), list(map(cell_label, hidden)), fontsize=8)
     axes.set(xlabel="first answer", ylabel="hidden effect", title=title)
