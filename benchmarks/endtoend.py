@@ -22,8 +22,8 @@ PICTURE = DOCS / "pictures" / "end-to-end.png"
 UNSEEN = {"full, 200 to 249": range(200, 250), "full, 100 to 149": range(100, 150)}
 """Patients that were run once, the latest first, with nothing changed after looking at them; what their rows are
 called."""
-KNOWN = "full, 0 to 99"
-"""What the rows of patients are called in which causes of misses were looked for; `paper` has the same patients."""
+KNOWN = range(100)
+"""Patients in which causes of misses were looked for; `full` and `paper` are compared on them."""
 START, END = "<!-- scores -->", "<!-- end of scores -->"
 COLOURS = (SIMULATED, "#D55E00")
 NAMES = {
@@ -148,11 +148,10 @@ def main() -> None:
     PATIENTS.write_text("".join(json.dumps(line) + "\n" for line in [head, *lines]), encoding="utf-8")
     of = {s: [line for line in lines if line["setting"] == s] for s in ("full", "paper")}
     shown = {name: [line for line in of["full"] if line["index"] in its] for name, its in UNSEEN.items()}
-    # Both settings are compared on the same patients.
-    both = {line["index"] for line in of["full"]} & {line["index"] for line in of["paper"]}
+    both = {line["index"] for line in of["full"]} & {line["index"] for line in of["paper"]} & set(KNOWN)
     shown |= {
         name: [line for line in of[setting] if line["index"] in both]
-        for name, setting in ((KNOWN, "full"), ("paper", "paper"))
+        for name, setting in (("full, 0 to 99", "full"), ("paper", "paper"))
     }
     shown = {name: its for name, its in shown.items() if its}
     levels = beside_0d([line for name in shown if name != "paper" for line in shown[name]])

@@ -34,8 +34,7 @@ class Said:
     """What a campaign says.
 
     vessels: stenosis → quantity → `quantiles`, those that are stated, and, for FFR, `below`, P(FFR ≤ 0.80), and
-    `method`. rhat_max,
-    ess_bulk_min, converged: of its posterior.
+    `method`. rhat_max, ess_bulk_min, converged: of its posterior.
     """
 
     vessels: dict[str, dict[str, dict[str, Any]]]
