@@ -1,17 +1,14 @@
 """Benchmark of the agreement with svZeroDSolver: its keys, its measure of difference, and the table in the docs."""
 
-import importlib.util
 import json
-from pathlib import Path
 
 import pytest
 
 from coronaryuq.bench import conformance
 from coronaryuq.cli.main import main
 from coronaryuq.zerod.svzerodsolver import program, tables
+from support.benchmark_scripts import benchmark_script
 from support.zerod_networks import bifurcation, built_heart
-
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 @pytest.fixture
@@ -57,8 +54,6 @@ def test_a_case_that_only_one_of_both_solves_disagrees(folder, monkeypatch):
 
 
 def test_the_page_holds_the_table_of_the_recorded_run():
-    spec = importlib.util.spec_from_file_location("zerod_conformance", BENCHMARKS / "zerod_conformance.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
+    script = benchmark_script("zerod_conformance")
     page = script.PAGE.read_text(encoding="utf-8")
     assert script.put(page, json.loads(script.RUN.read_text(encoding="utf-8"))) == page

@@ -1,15 +1,11 @@
 """The command that compares the latent coordinates of the heart with the full posterior samples that posterior."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from coronaryuq.calibration.heart_posterior import HeartPosterior, Normal, gauss_newton
 from coronaryuq.core.seeds import generator
-
-COMMAND = Path(__file__).parents[2] / "benchmarks" / "heart_posterior.py"
+from support.benchmark_scripts import benchmark_script
 
 
 class Model:
@@ -24,10 +20,7 @@ class Model:
 
 @pytest.fixture(scope="module")
 def command():
-    spec = importlib.util.spec_from_file_location("benchmark_of_the_heart", COMMAND)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return benchmark_script("heart_posterior")
 
 
 def test_chains_about_a_wrong_approximation_sample_the_posterior_that_prior_and_errors_state(command):

@@ -1,23 +1,16 @@
 """Samples of a posterior with 0D flows become some of that with 3D flows."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from coronaryuq.posterior.model.likelihood import Likelihood
-
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "likelihood_3d.py"
+from support.benchmark_scripts import benchmark_script
 
 
 @pytest.fixture(scope="module")
 def script():
-    found = importlib.util.spec_from_file_location("likelihood_3d", SCRIPT)
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    return module
+    return benchmark_script("likelihood_3d")
 
 
 def test_the_weights_give_the_posterior_with_the_flows_of_3d(script):

@@ -1,11 +1,9 @@
 """Cases of the discrepancy benchmark and their tables in the documents are one."""
 
-import importlib.util
-from pathlib import Path
-
 import pytest
 
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
+from support.benchmark_scripts import benchmark_script
+
 LEAK = {"effect": "side_branch_leak", "strength": "medium", "noise": "nominal", "seed": 1, "first": "side_branch_leak"}
 LEAK |= {"named": True, "placed": False, "alarmed": True, "abstained": False, "covered": None, "worse": False}
 LEAK |= {"before": 1.5, "after": 1.0, "oracle": 1.0, "cpu_s": 3.14159, "found": []}
@@ -13,10 +11,7 @@ LEAK |= {"before": 1.5, "after": 1.0, "oracle": 1.0, "cpu_s": 3.14159, "found": 
 
 @pytest.fixture(scope="module")
 def script():
-    found = importlib.util.spec_from_file_location("discrepancy_benchmark", BENCHMARKS / "discrepancy.py")
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    return module
+    return benchmark_script("discrepancy")
 
 
 def test_the_pages_contain_the_tables_of_the_cases(script):

@@ -1,23 +1,16 @@
 """Tables in the documents agree with the recorded cells of the coverage benchmark."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from coronaryuq.bench.estimation.coverage import judged
 from coronaryuq.core.seeds import generator
-
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
+from support.benchmark_scripts import benchmark_script
 
 
 @pytest.fixture(scope="module")
 def script():
-    spec = importlib.util.spec_from_file_location("estimation_coverage", BENCHMARKS / "estimation_coverage.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return benchmark_script("estimation_coverage")
 
 
 def cell(first, trials, method="crossfit-GP", problem="row 9", n_3d=250):
