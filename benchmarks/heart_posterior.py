@@ -28,16 +28,15 @@ import numpy as np
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.heart_posterior import (
     FREE,
-    PRESSURES,
     HeartModel,
     HeartPosterior,
     Normal,
     heart_posterior,
-    measurement_covariance,
-    prior_around,
+    prior_about,
 )
 from coronaryuq.calibration.hyperaemic_flow import hyperaemic_changes
 from coronaryuq.calibration.loop import Loop
+from coronaryuq.calibration.targets import PRESSURES, measurement_covariance
 from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network import parameter_names
 from coronaryuq.case.tables.targets import check_targets
@@ -90,11 +89,10 @@ def tuned(folder: Path) -> Heart:
     targets = check_targets(case.targets, folder / "case" / "case.json")
     rest, stress = (read_network(folder / "calibration" / f"{name}.json") for name in ("rest", "hyperaemia"))
     table = read_csv(folder / "calibration" / "parameters.csv", columns=("name", "value")).set_index("name")["value"]
+    searched = np.array([np.log(table[p.name]) if p.logarithmic else table[p.name] for p in parameters.PARAMETERS])
     # The beds' totals are relative to the loop that varies, which here is the tuned one.
-    point = np.array([
-        np.log(table[p.name]) if p.logarithmic and p.heart else table[p.name] if p.heart else 0.0
-        for p in parameters.PARAMETERS
-    ])  # fmt: skip
+    shift = np.where([p.heart is None for p in parameters.PARAMETERS], searched, 0.0)
+    point, published = searched - shift, parameters.INITIAL - shift
     loop, relaxed = Loop(rest, STEPS_PER_CYCLE), Loop(stress, STEPS_PER_CYCLE)
     fine = rest["simulation_parameters"]["number_of_time_pts_per_cardiac_cycle"] - 1
     at_rest = loop.evaluate(point[None], steps_per_cycle=fine, refill=False)
@@ -108,7 +106,7 @@ def tuned(folder: Path) -> Heart:
     noise = measurement_covariance(targets, model.measured, case.errors)
     data = np.array([targets[name] for name in model.measured])
     return Heart(
-        found, model, HeartModel(relaxed, point, states, (), 1.0), prior_around(point), data, noise, case.period
+        found, model, HeartModel(relaxed, point, states, (), 1.0), prior_about(published), data, noise, case.period
     )  # fmt: skip
 
 

@@ -6,7 +6,6 @@ from scipy.stats import chi2
 
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.heart_posterior import (
-    PRESSURES,
     SHARE,
     Normal,
     assumed_parameters,
@@ -14,7 +13,6 @@ from coronaryuq.calibration.heart_posterior import (
     heart_posterior,
     latent_directions,
     linearised,
-    measurement_covariance,
 )
 from coronaryuq.calibration.hyperaemic_flow import hyperaemic_changes
 from coronaryuq.calibration.initial_scaling import scaled
@@ -102,15 +100,6 @@ def test_a_side_without_predictions_leaves_the_slope_to_the_other_and_none_leave
 
     _, found = linearised(model, np.zeros(3), np.full(3, 0.1))
     np.testing.assert_allclose(found, slopes * [1.0, 1.0, 0.0])
-
-
-def test_errors_of_the_cuff_are_correlated_and_unmeasured_values_have_the_populations_spread():
-    targets = {"PaoMin": 70.0, "PaoMean": 90.0, "AbsQin": 70.0, "PraMean": 4.0}
-    errors = RoutineErrors(pressure=5.0, pressure_correlation=0.6, stroke_volume=0.1)
-    covariance = measurement_covariance(targets, list(targets), errors)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), [5.0, 5.0, 7.0, 0.6])
-    assert covariance[0, 1] == pytest.approx(0.6 * 25.0) and covariance[0, 2] == 0.0
-    assert set(PRESSURES) >= {"PaoMin", "PaoMean"}
 
 
 def test_assumed_values_become_columns_that_leave_the_network_alone_at_their_centre():

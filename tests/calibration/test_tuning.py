@@ -10,7 +10,6 @@ from coronaryuq.calibration import parameters
 from coronaryuq.calibration.hyperaemic_flow import HyperaemicTarget, hyperaemic_flow, meet_hyperaemic_flow
 from coronaryuq.calibration.initial_scaling import scaled
 from coronaryuq.calibration.loop import Loop
-from coronaryuq.calibration.search import cost
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.stage import tune, tune_files
 from coronaryuq.calibration.targets import BY_NAME, TUNED, in_own_units
@@ -134,19 +133,6 @@ def test_a_reserve_out_of_reach_leaves_the_resting_split_met(loop):
     venous = parameters.NAMES.index("Rv_cor")
     assert point[venous] == parameters.LOWER[venous]
     assert loop.evaluate(point, state[None], 10).measures["AorCorSplit"][0] == pytest.approx(split, rel=0.05)
-
-
-def test_cost_grows_steeply_where_a_clinical_target_is_missed_by_more_than_the_limit():
-    point = parameters.INITIAL[None]
-
-    def at(misfit, name):
-        target = BY_NAME[name]
-        size = target.tolerance * (100.0 if target.relative else 1.0)
-        return cost({name: np.array([100.0 + misfit * size])}, point, {name: 100.0}, 0.0)[0]
-
-    assert at(2.0, "PaoMean") == pytest.approx(4.0)
-    assert at(3.0, "PaoMean") == pytest.approx(39.0)
-    assert at(3.0, "PpulMean") == pytest.approx(9.0)
 
 
 def test_missing_targets_and_unknown_beds_are_reported(patient, tmp_path):

@@ -1,15 +1,17 @@
 """The bundled patient's files are those of a real case."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import pyvista
+import yaml
 
 from coronaryuq.case.settings import Settings as CaseSettings
 from coronaryuq.case.stage import prepare_case
 from coronaryuq.core.units import MMHG
-from coronaryuq.synthetic.patient import CLINICAL, clinical_targets, write_files
+from coronaryuq.synthetic.patient import CLINICAL, clinical_targets, description, write_files
 from coronaryuq.zerod.cardiac_function import MEASURES
 
 
@@ -39,6 +41,12 @@ def test_the_case_stage_builds_the_same_vessels(patient, case):
 def test_the_case_files_do_not_contain_the_truth(folder):
     text = (folder / "case.yaml").read_text() + (folder / "outlets.csv").read_text()
     assert "truth" not in text and "resistance" not in text
+
+
+def test_a_patient_without_a_stenosis_says_so(patient):
+    healthy = replace(patient, anatomy=replace(patient.anatomy, stenoses=[]))
+    assert yaml.safe_load(description(healthy, "healthy", {}))["stenoses"] == []
+    assert yaml.safe_load(description(patient, "ill", {}))["stenoses"] != []
 
 
 def test_the_map_integrates_to_the_flows_of_the_truth(patient, folder, case):

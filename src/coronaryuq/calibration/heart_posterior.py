@@ -1,7 +1,7 @@
 """The tuned heart as an inference: a Gauss-Newton posterior of its parameters in a few latent coordinates.
 
-The tuned parameters fit the measured values; these have errors, so that other hearts fit them as well. Around the tuned
-point the measures are linearised, which makes the posterior normal. Of its directions only those count that change
+The measured values have errors, so that many hearts fit them. Tuning finds the most probable one (`search.Objective`);
+around it the measures are linearised, which makes the posterior normal. Of its directions only those count that change
 what the coronary arteries see under hyperaemia: aortic pressure and the beds' flows. They become uncertain parameters
 of the network, log-linear factors on many of its values.
 """
@@ -16,23 +16,19 @@ import numpy as np
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.hyperaemic_flow import hyperaemic_changes
 from coronaryuq.calibration.loop import Loop
-from coronaryuq.calibration.targets import TUNED
+from coronaryuq.calibration.targets import PRESSURES, TUNED, counted, measurement_covariance
 from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.network import parameter_names
 from coronaryuq.case.network.network import HEART, VISCOSITY, Network
-from coronaryuq.case.tables.targets import BY_NAME
 from coronaryuq.zerod.network.beds import beds
 
 STEP = 0.02
 """Of a parameter's range, for differences."""
-PRIOR = 0.25
-"""Standard deviation of the prior around the tuned heart, as a fraction of each parameter's range."""
 SHARE = 0.95
 """Fraction of the variance of each pressure and flow that the coronary arteries see which the latent coordinates carry,
 at least, so that no standard deviation of the linearised loop is more than 3 % too small."""
 MOST = 6
 """Latent coordinates at most."""
-PRESSURES = ("PaoMin", "PaoMax", "PaoMean")
 FREE = np.array([k for k, p in enumerate(parameters.PARAMETERS) if p.logarithmic and p.name != "V_blood"])
 """Parameters that vary: those with a place in the network and a logarithm. Unstressed volumes and the blood volume,
 which move the same measures, stay."""
@@ -163,31 +159,9 @@ class HeartPosterior:
     steps: int
 
 
-def prior_around(point: np.ndarray) -> Normal:
-    """Return the prior of the free parameters around the tuned point (36,)."""
-    return Normal(point[FREE], np.diag((PRIOR * (parameters.UPPER - parameters.LOWER)[FREE]) ** 2))
-
-
-def measurement_covariance(targets: Mapping[str, float], names: Sequence[str], errors: RoutineErrors) -> np.ndarray:
-    """Return the covariance (d, d) of the errors of named targets, in their units.
-
-    Clinical targets have the case's errors, population averages the spread of their tolerance.
-    """
-    relative = {
-        "AbsQin": errors.stroke_volume, "ESV": errors.ventricular_volume, "EDV": errors.ventricular_volume,
-        "AorCorSplit": errors.coronary_share,
-    }  # fmt: skip
-    own = {"EFLV": errors.ejection_fraction} | dict.fromkeys(PRESSURES, errors.pressure)
-    sd = []
-    for name in names:
-        target = BY_NAME[name]
-        size = abs(targets[name]) if target.relative else 1.0
-        # A measurement without error is still met only to the tolerance of tuning.
-        sd.append(max(own.get(name, relative.get(name, 0.0) * abs(targets[name])), 0.5 * target.tolerance * size))
-    correlation = np.eye(len(names))
-    cuff = [k for k, name in enumerate(names) if name in PRESSURES]
-    correlation[np.ix_(cuff, cuff)] += errors.pressure_correlation * (1.0 - np.eye(len(cuff)))
-    return correlation * np.outer(sd, sd)
+def prior_about(centre: np.ndarray) -> Normal:
+    """Return the prior of the free parameters about a point (36,)."""
+    return Normal(centre[FREE], np.diag(parameters.PRIOR_SD[FREE] ** 2))
 
 
 def heart_posterior(
@@ -211,8 +185,8 @@ def heart_posterior(
     most_steps
         Time steps per cycle at which the tuned loop is known to be periodic.
     """
-    model = HeartModel(loop, point, states, [n for n in TUNED if n in targets and not n.endswith("GradOK")], hyperaemia)
-    prior, names = prior_around(point), model.measured
+    model = HeartModel(loop, point, states, [n for n in TUNED if n in targets and not counted(n)], hyperaemia)
+    prior, names = prior_about(point), model.measured
     centre, step = prior.mean, STEP * (parameters.UPPER - parameters.LOWER)[FREE]
     steps = loop.steps_per_cycle
     while np.isnan(model(centre[None], steps)).all():
@@ -224,7 +198,7 @@ def heart_posterior(
     slopes, seen = both[1][: len(names)][measured], both[1][len(names) :]
     known = [name for name, used in zip(names, measured, strict=True) if used]
     noise = measurement_covariance(targets, known, errors)
-    # The tuned loop fits the data: the posterior's mean is the tuned point.
+    # Tuning minimises the posterior's energy (`search.Objective`): the mean is the tuned point.
     posterior = gauss_newton(lambda free: (free - centre) @ slopes.T, prior, np.zeros(len(known)), noise, step)
     directions, captured = latent_directions(posterior.covariance, seen)
     spread = np.sqrt(np.einsum("ij,jk,ik->i", slopes, posterior.covariance, slopes) / np.diag(noise))

@@ -126,6 +126,8 @@ def _searched(parameter: Parameter, value: float) -> float:
 INITIAL = np.array([_searched(parameter, parameter.initial) for parameter in PARAMETERS])
 LOWER = np.array([_searched(parameter, parameter.lower) for parameter in PARAMETERS])
 UPPER = np.array([_searched(parameter, parameter.upper) for parameter in PARAMETERS])
+PRIOR_SD = 0.25 * (UPPER - LOWER)
+"""Standard deviation of each searched parameter's prior about its initial value, where measurements have errors."""
 _LOGARITHMIC = np.array([parameter.logarithmic for parameter in PARAMETERS])
 
 

@@ -12,13 +12,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from coronaryuq.calibration import parameters
 from coronaryuq.calibration.least_squares_start import approach
 from coronaryuq.calibration.loop import Loop
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.simplex import nelder_mead
-from coronaryuq.calibration.targets import BY_NAME, misfits
+from coronaryuq.calibration.targets import BY_NAME, counted, measurement_covariance, misfits
+from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.core import seeds
 
 FAILED = 1e9
@@ -50,34 +52,60 @@ class Start:
     defect: Mapping[str, float] = field(default_factory=dict)
 
 
-def residuals(
-    measures: Mapping[str, np.ndarray], points: np.ndarray, targets: Mapping[str, float], pull: float
-) -> np.ndarray:
-    """Return residuals (n, m) whose squares add up to the cost: misfits, excess of clinical ones, regularisation."""
-    moved = (points - parameters.INITIAL) / (parameters.UPPER - parameters.LOWER)
-    columns = list((np.sqrt(pull) * moved).T)
-    for name, misfit in misfits(measures, targets).items():
-        misfit = np.nan_to_num(misfit, nan=UNDEFINED)
-        columns.append(misfit)
-        if BY_NAME[name].clinical:
-            columns.append(np.sqrt(STEEPER) * np.sign(misfit) * np.maximum(np.abs(misfit) - LIMIT, 0.0))
-    return np.stack(columns, axis=1)
+@dataclass(frozen=True)
+class Objective:
+    """What a search minimises: a sum of squared residuals.
 
+    Without errors, as in the paper, these are misfits over tolerances, with excess of clinical ones, and `pull` times
+    the way of a parameter from its initial value over its range. With the errors of the measurements the sum is, but
+    for a constant, -2 log of the posterior density of the heart: the closest fit is not the most probable heart
+    where measured values contradict each other.
+    """
 
-def cost(
-    measures: Mapping[str, np.ndarray], points: np.ndarray, targets: Mapping[str, float], pull: float
-) -> np.ndarray:
-    """Return the cost (n,) that a search minimises: the sum of squared residuals."""
-    return np.square(residuals(measures, points, targets, pull)).sum(axis=1)
+    targets: Mapping[str, float]
+    pull: float
+    errors: RoutineErrors | None = None
+
+    def residuals(self, measures: Mapping[str, np.ndarray], points: np.ndarray) -> np.ndarray:
+        """Return residuals (n, m) of measures (n,) at points (n, 36)."""
+        if self.errors is not None:
+            return self._over_errors(measures, points, self.errors)
+        moved = (points - parameters.INITIAL) / (parameters.UPPER - parameters.LOWER)
+        columns = list((np.sqrt(self.pull) * moved).T)
+        for name, misfit in self._misfits(measures).items():
+            columns.append(misfit)
+            if BY_NAME[name].clinical:
+                columns.append(np.sqrt(STEEPER) * np.sign(misfit) * np.maximum(np.abs(misfit) - LIMIT, 0.0))
+        return np.stack(columns, axis=1)
+
+    def cost(self, measures: Mapping[str, np.ndarray], points: np.ndarray) -> np.ndarray:
+        """Return the cost (n,) that a search minimises."""
+        return np.square(self.residuals(measures, points)).sum(axis=1)
+
+    def smooth(self) -> "Objective":
+        """Return the objective without counted scores."""
+        return replace(self, targets={name: value for name, value in self.targets.items() if not counted(name)})
+
+    def _misfits(self, measures: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        return {name: np.nan_to_num(misfit, nan=UNDEFINED) for name, misfit in misfits(measures, self.targets).items()}
+
+    def _over_errors(self, measures: Mapping[str, np.ndarray], points: np.ndarray, errors: RoutineErrors) -> np.ndarray:
+        scaled = self._misfits(measures)
+        scores = [misfit for name, misfit in scaled.items() if counted(name)]
+        names = [name for name in scaled if not counted(name)]
+        noise = measurement_covariance(self.targets, names, errors)
+        tolerance = np.array([BY_NAME[name].size(self.targets[name]) for name in names])
+        missed = np.stack([scaled[name] for name in names], axis=1) * tolerance
+        whitened = solve_triangular(np.linalg.cholesky(noise), missed.T, lower=True).T
+        moved = (points - parameters.INITIAL) / parameters.PRIOR_SD
+        return np.hstack([moved, whitened, *(score[:, None] for score in scores)])
 
 
 class Search:
     """Tunes one loop to one set of targets."""
 
-    def __init__(
-        self, loop: Loop, targets: Mapping[str, float], settings: Settings, report: Report = lambda line: None
-    ):
-        self.loop, self.targets, self.settings, self.report = loop, targets, settings, report
+    def __init__(self, loop: Loop, objective: Objective, settings: Settings, report: Report = lambda line: None):
+        self.loop, self.objective, self.settings, self.report = loop, objective, settings, report
 
     def descend_from(self, starts: list[Start], frozen: tuple[str, ...] = ()) -> Start:
         """Return the best point reached from the candidates; `frozen` parameters are not changed."""
@@ -128,7 +156,7 @@ class Search:
 
     def approached(self, start: Start, columns: np.ndarray) -> Start:
         """Return a start after a few least-squares steps over the parameters at `columns`, without counted scores."""
-        smooth = {name: value for name, value in self.targets.items() if not name.endswith("GradOK")}
+        smooth = self.objective.smooth()
 
         def values_of(values: np.ndarray) -> np.ndarray:
             points = np.tile(start.point, (len(values), 1))
@@ -136,7 +164,7 @@ class Search:
             states = np.tile(start.state, (len(points), 1))
             evaluation = self.loop.evaluate(points, states, self.settings.least_squares_cycles)
             measures = {name: value + start.defect.get(name, 0.0) for name, value in evaluation.measures.items()}
-            found = residuals(measures, points, smooth, self.settings.regularisation)
+            found = smooth.residuals(measures, points)
             return np.where(evaluation.ok[:, None], found, UNDEFINED)
 
         point = start.point.copy()
@@ -202,7 +230,7 @@ class Search:
         return best
 
     def _costs(self, measures: Mapping[str, np.ndarray], ok: np.ndarray, points: np.ndarray) -> np.ndarray:
-        return np.where(ok, cost(measures, points, self.targets, self.settings.regularisation), FAILED)
+        return np.where(ok, self.objective.cost(measures, points), FAILED)
 
 
 def _least(starts: list[Start]) -> float:

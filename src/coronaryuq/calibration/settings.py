@@ -35,7 +35,10 @@ class Settings(BaseModel):
         description="Maximum number of loop runs per parameter of a final search over all 36 parameters; 0: none.",
     )
     regularisation: float = Field(
-        0.2, ge=0, description="Cost of moving a parameter from its initial value over its whole range."
+        0.2,
+        ge=0,
+        description="Cost of moving a parameter from its initial value over its whole range; with `uncertainty: full` "
+        "it has a prior instead.",
     )
     steps_per_cycle: int = Field(250, ge=50, description="Time steps per cycle of a loop run during the search.")
     first_cycles: int = Field(

@@ -1,17 +1,21 @@
 """Clinical and literature targets of calibration: reading them, and the misfit of a simulation."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from coronaryuq.case.case_json import TargetValue
+from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.tables.read import csv_targets
 from coronaryuq.case.tables.targets import BY_NAME, TARGETS, check_targets
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
 
 TUNED = tuple(target.name for target in TARGETS if not target.name.endswith("_conv"))
+
+PRESSURES = ("PaoMin", "PaoMax", "PaoMean")
+"""Aortic pressures, which have one cuff."""
 
 CGS = {"mmHg": MMHG, "mL": 1.0, "1": 1.0, "%": 1.0}
 """CGS value of one unit of a target (a percentage stays one: the split is given in per cent)."""
@@ -44,10 +48,37 @@ def misfits(simulated: Mapping[str, np.ndarray], measured: Mapping[str, float]) 
     result = {}
     for name in TUNED:
         if name in measured:
-            target = BY_NAME[name]
-            tolerance = target.tolerance * (abs(measured[name]) if target.relative else 1.0)
-            result[name] = (np.asarray(simulated[name], float) - measured[name]) / tolerance
+            misfit = np.asarray(simulated[name], float) - measured[name]
+            result[name] = misfit / BY_NAME[name].size(measured[name])
     return result
+
+
+def counted(name: str) -> bool:
+    """Return whether a target is a score, which counts features of a waveform and has no derivative."""
+    return name.endswith("GradOK")
+
+
+def measurement_covariance(targets: Mapping[str, float], names: Sequence[str], errors: RoutineErrors) -> np.ndarray:
+    """Return the covariance (d, d) of the errors of named targets, in their units.
+
+    Clinical targets have the case's errors, population averages their spread, which is their tolerance.
+    """
+    relative = {
+        "AbsQin": errors.stroke_volume, "ESV": errors.ventricular_volume, "EDV": errors.ventricular_volume,
+        "AorCorSplit": errors.coronary_share,
+    }  # fmt: skip
+    own = {"EFLV": errors.ejection_fraction} | dict.fromkeys(PRESSURES, errors.pressure)
+    sd = []
+    for name in names:
+        target = BY_NAME[name]
+        tolerance = target.size(targets[name])
+        # A measurement without error is still met only to the tolerance of tuning.
+        least = 0.5 * tolerance if target.clinical else tolerance
+        sd.append(max(own.get(name, relative.get(name, 0.0) * abs(targets[name])), least))
+    correlation = np.eye(len(names))
+    cuff = [k for k, name in enumerate(names) if name in PRESSURES]
+    correlation[np.ix_(cuff, cuff)] += errors.pressure_correlation * (1.0 - np.eye(len(cuff)))
+    return correlation * np.outer(sd, sd)
 
 
 def in_own_units(measures: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -16,7 +16,7 @@ from coronaryuq.calibration.hyperaemic_flow import (
 )
 from coronaryuq.calibration.initial_scaling import scaled
 from coronaryuq.calibration.loop import Evaluation, Loop
-from coronaryuq.calibration.search import Report, Search, Start
+from coronaryuq.calibration.search import Objective, Report, Search, Start
 from coronaryuq.calibration.settings import Settings
 from coronaryuq.calibration.targets import TARGETS, misfits
 from coronaryuq.case.description.routine import RoutineErrors
@@ -66,7 +66,7 @@ def tune_loop(
     if goal.shares is not None:
         conductance_shares.share_out(network, goal.shares)
     loop = Loop(network, settings.steps_per_cycle, threads)
-    search = Search(loop, targets, settings, report)
+    search = Search(loop, Objective(targets, settings.regularisation, goal.errors), settings, report)
     split = targets.get("AorCorSplit")
     starts = search.candidates(seed)
     if hyperaemic is None:
@@ -138,7 +138,7 @@ def fit_table(simulated: Mapping[str, float], targets: Mapping[str, float]) -> p
         if target.name not in targets:
             continue
         measured, value = targets[target.name], simulated[target.name]
-        tolerance = target.tolerance * (abs(measured) if target.relative else 1.0)
+        tolerance = target.size(measured)
         rows.append(
             {
                 "target": target.name,

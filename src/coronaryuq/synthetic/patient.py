@@ -91,7 +91,7 @@ def description(patient: Patient, text: str, also: Mapping[str, Any]) -> str:
     """Write `case.yaml` of the patient; also: further fields."""
     settings = patient.settings
     stenoses = "".join(
-        f"  - {{name: {s.name}, vessel: {s.vessel}, start: {float(s.start)!r}, end: {float(s.end)!r}}}\n"
+        f"\n  - {{name: {s.name}, vessel: {s.vessel}, start: {float(s.start)!r}, end: {float(s.end)!r}}}"
         for s in patient.anatomy.stenoses
     )
     return (
@@ -103,7 +103,7 @@ def description(patient: Patient, text: str, also: Mapping[str, Any]) -> str:
         "targets: targets.csv\n"
         f"period: {settings.period:.6g}\n"
         f"hyperaemia: {settings.hyperaemia:.6g}\n"
-        f"stenoses:\n{stenoses}"
+        f"stenoses:{stenoses or ' []'}\n"
         # The paper's places; the truth of the patient is there, too.
         "ffr_beyond_mm: null\n" + (yaml.safe_dump(dict(also), sort_keys=False) if also else "")
     )

@@ -14,6 +14,7 @@ from coronaryuq.bench.endtoend.score import FFR, LIMIT
 from coronaryuq.case.settings import Uncertainty
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.estimation.results import RowReport, read_estimates
+from coronaryuq.losses.settings import Settings as LossesSettings
 
 NAME = "patient"
 ESTIMATES, POSTERIOR = "estimation/estimates.json", "posterior/summary.json"
@@ -27,6 +28,8 @@ FIXED: dict[str, dict[str, Any]] = {
     "flow3d": {"fields": 0},
 }
 """Settings that change no interval of the recommended estimator but cost less, and the limit that is scored."""
+LOSSES: dict[Uncertainty, LossesSettings] = {"full": LossesSettings(), "paper": LossesSettings(runs_3d=0)}
+"""Losses of the 0D vessels: as campaigns have them by default, and as in the paper. `smoke` leaves them out."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ def run_campaign(
     lesions
         Names of its stenoses.
     configuration
-        Settings of the campaign; patient, seed, `uncertainty` and the perfusion noise are set here.
+        Settings of the campaign; patient, seed, `uncertainty`, losses and the perfusion noise are set here.
     uncertainty
         `full` or `paper`.
     seed
@@ -88,6 +91,7 @@ def run_campaign(
     settings["estimation"]["rows"] = [f"{row}_{lesion.lower()}" for lesion in lesions for row in ROWS]
     settings |= {
         "name": NAME, "case": case.resolve().as_posix(), "uncertainty": uncertainty, "seed": seed,
+        "losses": LOSSES[uncertainty].model_dump(mode="json"),
     }  # fmt: skip
     written = folder / "campaign.yaml"
     write_text(written, yaml.safe_dump(settings, sort_keys=False))

@@ -26,6 +26,10 @@ class Target:
     clinical: bool = False
     relative: bool = False
 
+    def size(self, value: float) -> float:
+        """Return the tolerance of a measured value, in `unit`."""
+        return self.tolerance * (abs(value) if self.relative else 1.0)
+
 
 TARGETS = (
     Target("PaoMin", "Minimum aortic pressure", "mmHg", 0.02, (25.0, 200.0), True, True),
