@@ -34,7 +34,7 @@ from coronaryuq.calibration.heart_posterior import (
     heart_posterior,
     prior_about,
 )
-from coronaryuq.calibration.hyperaemic_flow import hyperaemic_changes
+from coronaryuq.calibration.hyperaemic_flow import ARTERIAL, VENOUS, hyperaemic_changes
 from coronaryuq.calibration.loop import Loop
 from coronaryuq.calibration.targets import PRESSURES, measurement_covariance
 from coronaryuq.case.case_json import read_case
@@ -93,6 +93,8 @@ def tuned(folder: Path) -> Heart:
     # The beds' totals are relative to the loop that varies, which here is the tuned one.
     shift = np.where([p.heart is None for p in parameters.PARAMETERS], searched, 0.0)
     point, published = searched - shift, parameters.INITIAL - shift
+    # The measured split and hyperaemic flow set these two; nothing is known of them before.
+    published[[ARTERIAL, VENOUS]] = point[[ARTERIAL, VENOUS]]
     loop, relaxed = Loop(rest, STEPS_PER_CYCLE), Loop(stress, STEPS_PER_CYCLE)
     fine = rest["simulation_parameters"]["number_of_time_pts_per_cardiac_cycle"] - 1
     at_rest = loop.evaluate(point[None], steps_per_cycle=fine, refill=False)
