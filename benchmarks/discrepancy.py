@@ -129,7 +129,7 @@ def summary(cases: list[dict]) -> list[str]:
         row = []
         for held, trials in (measures(mine)[name] for mine in parts.values()):
             share = wilson(held, trials)
-            row.append(f"{held} of {trials} ({share['low']:.2f} to {share['high']:.2f})" if trials else "–")
+            row.append(f"{held} of {trials} ({share['low']:.3f} to {share['high']:.3f})" if trials else "–")
         lines.append(f"| {name} | " + " | ".join(row) + f" | {target(*sought)} |")
     return lines
 

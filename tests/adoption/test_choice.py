@@ -1,4 +1,4 @@
-"""What is adopted of an answer: what was named and improves the prediction of data kept out, class members mixed."""
+"""What is adopted of an answer: what was named and improves the prediction of data held out, class members mixed."""
 
 import pytest
 
@@ -25,7 +25,7 @@ def test_an_answer_without_a_name_adopts_nothing_and_says_so(given):
 
 def test_a_name_that_data_kept_out_do_not_confirm_is_not_adopted():
     choice = chosen(answer([member("quadratic_stenosis", 0.9)], after=-6.1))
-    assert choice.classes == [] and "kept out" in choice.reason and "-6.10" in choice.reason
+    assert choice.classes == [] and "held out" in choice.reason and "-6.10" in choice.reason
 
 
 def test_members_of_a_class_are_mixed_by_their_probabilities_and_the_least_probable_left_out():

@@ -37,7 +37,7 @@ class Choice:
 
 
 def chosen(answer: Mapping[str, Any]) -> Choice:
-    """Return what is adopted of `discrepancy.json`: what was named and improves the prediction of data kept out."""
+    """Return what is adopted of `discrepancy.json`: what was named and improves the prediction of data held out."""
     if not answer["named"]:
         given = answer["facts"]["answer"]["given"]
         return Choice([], f"the answer of the search is “{given}”, which names no effect")
@@ -45,7 +45,7 @@ def chosen(answer: Mapping[str, Any]) -> Choice:
     if not after > before:
         return Choice(
             [],
-            "what the search named does not improve the prediction of the data kept out (log density per value "
+            "what the search named does not improve the prediction of the data held out (log density per value "
             f"{after:.2f} with it, {before:.2f} without)",
         )
     return Choice([_members(entry["class"]) for entry in answer["named"]])

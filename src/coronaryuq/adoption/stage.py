@@ -165,7 +165,7 @@ def _source(answer: Mapping[str, Any], measurements: str | Path) -> str:
     count, held = answer["facts"]["measurements"], ", ".join(answer["held_out"]["conditions"])
     return (
         f"search of {count} fitted values of {Path(measurements).as_posix()} (SHA-256 {checksum(measurements)[:12]}); "
-        f"kept out: {held}"
+        f"held out: {held}"
     )
 
 

@@ -96,7 +96,7 @@ class Settings(BaseModel):
     adopt: bool = Field(
         False,
         description="Adopt the effects that the search of the patient's measurements (of the bundled patient: of the "
-        "hidden case) names and confirms on data kept out: calibration, posterior, runs and estimates use the network "
+        "hidden case) names and confirms on data held out: calibration, posterior, runs and estimates use the network "
         "with them, their sizes uncertain as the search found them.",
     )
     benchmark: Benchmark = Field(default_factory=Benchmark, description="Benchmark on hidden effects.")

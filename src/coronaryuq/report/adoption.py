@@ -100,7 +100,7 @@ def _gap(found: Mapping[str, Any]) -> str:
         for when in ("before", "after")
     )
     kept = ", ".join(found["held_out"])
-    return f"Misfit on data kept out ({kept}; 1 is expected from noise): {before} before, {after} with the effects."
+    return f"Misfit on data held out ({kept}; 1 is expected from noise): {before} before, {after} with the effects."
 
 
 def _zones(limits: list[float]) -> list[str]:

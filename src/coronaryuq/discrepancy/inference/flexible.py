@@ -24,7 +24,7 @@ from scipy.special import logsumexp
 AMPLITUDES = np.array([0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4])
 """Amplitudes as fractions of the largest value of a series."""
 MODEL_ERROR = 0.005
-"""Standard deviation of the error of a right model, as a fraction of the largest value of a series."""
+"""Standard deviation of the error of a model with no missing effect, as a fraction of the largest value of a series."""
 
 
 def _normalised(weights: np.ndarray) -> np.ndarray:
