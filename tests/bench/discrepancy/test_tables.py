@@ -30,7 +30,7 @@ def test_each_case_counts_in_its_measures():
     assert found["correct location"] == (1, 2)
     assert found["coverage of the 90 % interval"] == (1, 1)
     assert found["false alarm, nothing hidden"] == (0, 1)
-    assert found["reduces the held-out misfit by ≥ 90 % of what the true effect reduces it"] == (1, 2)
+    assert found["≥ 90 % of the true effect's reduction of held-out misfit"] == (1, 2)
     assert found["named effects predict worse than recalibration"] == (0, 2), (
         "an answer without a name is recalibration"
     )

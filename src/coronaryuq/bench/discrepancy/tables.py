@@ -22,7 +22,7 @@ TARGETS = {
     "false alarm, nothing hidden": (0.0, 0.05),
     "abstention outside the library": (0.85, 1.0),
     "both effects named": (0.80, 1.0),
-    "reduces the held-out misfit by ≥ 90 % of what the true effect reduces it": (0.90, 1.0),
+    "≥ 90 % of the true effect's reduction of held-out misfit": (0.90, 1.0),
     "named effects predict worse than recalibration": (0.0, 0.0),
 }
 """Target range of each fraction."""
