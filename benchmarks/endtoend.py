@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent / "docs"
 PATIENTS, PAGE = FOLDER / "endtoend-patients.jsonl", DOCS / "evidence" / "end-to-end.md"
 PICTURE = DOCS / "pictures" / "end-to-end.png"
-UNSEEN = {"full, 200 to 249": range(200, 250), "full, 100 to 149": range(100, 150)}
+UNSEEN = {f"full, {first} to {first + 49}": range(first, first + 50) for first in (250, 200, 100)}
 """Patients that were run once, the latest first, with nothing changed after looking at them; what their rows are
 called."""
 KNOWN = range(100)
@@ -78,7 +78,12 @@ def tables(of: dict[str, list[dict]]) -> list[str]:
         text = f"true FFR {zone}: right, undecided, wrong at 90 %"
         add(text, lambda its, k=number, v=verdicts: v.format(**its["zones"][k]))
     add("R-hat: median, largest", lambda its: "{median:.2f}, {largest:.2f}".format(**its["rhat_max"]))
-    add("patients whose chains converged", lambda its: str(its["converged"]))
+    ran = {name: sum(line["converged"] is not None for line in its) for name, its in of.items()}
+    lines.append(
+        "| patients whose chains converged, of those with a stenosis | "
+        + " | ".join(f"{scores[name]['converged']} of {ran[name]}" for name in of)
+        + " |"
+    )
     add("CPU s of a campaign", lambda its: f"{its['cpu_s_per_patient']:.0f}")
     return lines
 
