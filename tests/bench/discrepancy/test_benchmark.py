@@ -9,7 +9,7 @@ from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.core.errors import InputError
 
-SPENT = ("cpu_s", "wall_s")
+SPENT = ("cpu_s", "cpu_s_made", "wall_s")
 
 
 def answers(found):
