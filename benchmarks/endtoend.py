@@ -20,8 +20,7 @@ DOCS = FOLDER.parent / "docs"
 PATIENTS, PAGE = FOLDER / "endtoend-patients.jsonl", DOCS / "evidence" / "end-to-end.md"
 PICTURE = DOCS / "pictures" / "end-to-end.png"
 UNSEEN = {f"full, {first} to {first + 49}": range(first, first + 50) for first in (250, 200, 100)}
-"""Patients that were run once, the latest first, with nothing changed after looking at them; what their rows are
-called."""
+"""Patients that were run once, the latest first, and not again after later changes; what their rows are called."""
 KNOWN = range(100)
 """Patients in which causes of misses were looked for; `full` and `paper` are compared on them."""
 START, END = "<!-- scores -->", "<!-- end of scores -->"
