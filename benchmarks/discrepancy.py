@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 from coronaryuq.bench.discrepancy.benchmark import NATURE
-from coronaryuq.bench.discrepancy.cases import Case
+from coronaryuq.bench.discrepancy.cases import LIBRARY, Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.reliability import markdown
 from coronaryuq.bench.discrepancy.rivals.compare import (
@@ -152,7 +152,7 @@ def misses(cases: list[dict]) -> list[str]:
     lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
     for case in (c for c in cases if not c.get("skipped") and not right(c)):
         places = " and ".join(f"`{place}`" for place in dict.fromkeys(case.get("places", [])))
-        hidden = f"{cell_label(case['effect']).replace('none', 'nothing')}{', ' * bool(places)}{places}"
+        hidden = f"{cell_label(case['effect'])}{', ' * bool(places)}{places}"
         beside = ", with a known stenosis" if case["network"] != NETWORKS[0] and case["noise"] == "half" else ""
         size = "–" if case["strength"] == "none" else f"{case['strength']}, {case['noise']}"
         row = (case["network"], hidden + beside, size, _rounded(case["visible"]), answered(case), str(case["seed"]))
@@ -160,16 +160,23 @@ def misses(cases: list[dict]) -> list[str]:
     return lines
 
 
+def untested(cases: list[dict]) -> list[str]:
+    """Name the effects of the library that no searched case of this page hides."""
+    hidden = {effect for c in cases if not c.get("skipped") for effect in c["effect"].split("+")}
+    missing = [cell_label(effect.name) for effect in LIBRARY if effect.name not in hidden]
+    return [f"Effects of the library that are hidden in no case of this page: {', '.join(missing) or 'none'}."]
+
+
 def _rounded(signal: float) -> str:
     return f"{signal:.1f}" if signal < 10.0 else f"{signal:.0f}"
 
 
 def answered(case: dict) -> str:
-    """Return the first named effect of each class, or the answer given instead of a name."""
+    """Return the first named effect of each class, or “something else” or “nothing”."""
     first = [members[0].split("@") for members in case.get("classes", [])]
     if first:
         return " and ".join(f"{cell_label(name)}, `{place}`" for name, place in first)
-    return "outside the library" if case["abstained"] else "no name" if case["alarmed"] else "no alarm"
+    return "something else" if case["alarmed"] else "nothing"
 
 
 def picture(cases: list[dict]) -> None:
@@ -261,6 +268,7 @@ def put(page: str, name: str, lines: list[str]) -> str:
 def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
     """Page, name and lines of every table."""
     found = [(GUIDE, "summary", summary(cases)), (PAGE, "totals", totals(cases)), (PAGE, "cells", cells(cases))]
+    found.append((PAGE, "untested", untested(cases)))
     # Without the coverage of each cell, which says little for a few cases.
     scores, _, _ = markdown(cases).partition("| network | hidden | strength")
     found.append((PAGE, "scores", scores.rstrip().splitlines()))

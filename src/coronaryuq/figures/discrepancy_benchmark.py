@@ -62,5 +62,6 @@ def _shares(axes, table) -> None:
 
 
 def cell_label(effect: str) -> str:
-    """Return the label of a benchmark cell for readers."""
-    return effect.replace("outside:", "outside: ").replace("+", " + ").replace("_", " ")
+    """Return the label of a hidden effect, or of an answer, for readers."""
+    special = {"none": "nothing", "outside": "something else"}
+    return special.get(effect) or effect.replace("outside:", "outside: ").replace("+", " + ").replace("_", " ")

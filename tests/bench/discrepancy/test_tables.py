@@ -51,7 +51,7 @@ def test_a_share_has_an_interval_and_a_cell_its_skipped_seeds():
     half = table.loc["correct location"]
     assert (half["held"], half["trials"], half["fraction"]) == (1, 2, 0.5)
     assert half["low"] < 0.1 and half["high"] > 0.9 and half["target_from"] == 0.9
-    assert "abstention outside the library" not in table.index, "no trial, no line"
+    assert "“something else” outside the library" not in table.index, "no trial, no line"
     (cell,) = cells([LEAK, LEAK | {"seed": 2, "placed": True}, SKIPPED]).to_dict("records")
     assert (cell["right"], cell["cases"], cell["skipped"], cell["cpu_s"]) == (1, 2, 1, 3.0)
 
@@ -69,6 +69,6 @@ def test_runs_of_two_networks_become_tables_a_figure_and_a_page(tmp_path):
     draw("hidden_effects", {name: paths[name] for name in ("shares", "answers")}, str(tmp_path / "figure.png"))
     write_page(**paths, figure=tmp_path / "figure.png", settings={"seeds": 1}, out=tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
-    assert "<td>outside: spasm</td>" in page and "outside (1)" in page
+    assert "<td>outside: spasm</td>" in page and "something else (1)" in page and "<td>nothing</td>" in page
     assert page.count("<td>0 of 1</td>") >= 2, "the leak's place in both networks"
     assert "0.000 to 0.793" in page and "≥ 0.95" in page

@@ -20,7 +20,7 @@ TARGETS = {
     "correct location": (0.90, 1.0),
     "coverage of the 90 % interval": (0.85, 0.95),
     "false alarm, nothing hidden": (0.0, 0.05),
-    "abstention outside the library": (0.85, 1.0),
+    "“something else” outside the library": (0.85, 1.0),
     "both effects named": (0.80, 1.0),
     "≥ 90 % of the true effect's reduction of held-out misfit": (0.90, 1.0),
     "named effects predict worse than recalibration": (0.0, 0.0),
@@ -75,7 +75,7 @@ def closed(case: dict) -> float | None:
 
 
 def right(case: dict) -> bool:
-    """Whether an answer is right: named and placed, both of two named, or no name outside the library."""
+    """Whether an answer is right: named and placed, both of two named, or “something else” outside the library."""
     if case["effect"] == "none":
         return not case["alarmed"]
     if case["effect"].startswith("outside"):

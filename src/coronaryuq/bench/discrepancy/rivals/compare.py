@@ -108,7 +108,7 @@ def side_by_side(cases: Sequence[dict], ours: Sequence[dict] = ()) -> list[dict]
 
 
 def outcome(case: dict) -> str:
-    """Return "right", "false alarm" (nothing hidden), "wrong name", or "missed": no name, or no alarm."""
+    """Return "right", "false alarm" (nothing hidden), "wrong name", or "missed": "something else" or "nothing"."""
     if right(case):
         return "right"
     if case["effect"] == "none":
