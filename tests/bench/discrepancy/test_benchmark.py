@@ -3,11 +3,12 @@
 import pytest
 
 from coronaryuq.bench.discrepancy import benchmark
-from coronaryuq.bench.discrepancy.benchmark import run
+from coronaryuq.bench.discrepancy.benchmark import NATURE, run
 from coronaryuq.bench.discrepancy.cases import Case
-from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.bench.discrepancy.trial import hide
+from coronaryuq.bench.discrepancy.hidden_cases import closed_loop, open_loop
+from coronaryuq.bench.discrepancy.trial import hide, trial
 from coronaryuq.core.errors import InputError
+from support.small_loop import loop
 
 SPENT = ("cpu_s", "cpu_s_made", "wall_s")
 
@@ -27,6 +28,13 @@ def tried(monkeypatch):
 
     monkeypatch.setattr(benchmark, "trial", noted)
     return labels
+
+
+def test_a_case_that_the_search_refuses_as_mistyped_is_skipped_with_the_reason():
+    """A coronary flow probe reads the aorta's flow, fifty times as large."""
+    misplaced = Case(("misplaced_flow",), "medium", "nominal", 20005)
+    found = trial(misplaced, closed_loop(loop()), NATURE)
+    assert found is not None and found["skipped"] and "ratio to the largest simulated value" in found["refused"]
 
 
 @pytest.mark.long

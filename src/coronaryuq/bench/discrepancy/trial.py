@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 from coronaryuq.bench.discrepancy.cases import NOISES, STRENGTHS, Case, check_cells
 from coronaryuq.bench.discrepancy.hidden_cases import BenchmarkExperiment, outside
 from coronaryuq.bench.discrepancy.score import scored
+from coronaryuq.core.errors import InputError
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
@@ -67,7 +68,8 @@ def trials_3d(seeds: range, wanted: Sequence[str], threads: int = 1) -> Iterator
 def trial(case: Case, experiment: BenchmarkExperiment, nature: Nature, threads: int = 1) -> dict | None:
     """Make, search and score one case; None if the effect has no place.
 
-    cpu_s_made: CPU time of making the data of all draws. cpu_s: of the search.
+    Data that the search refuses as mistyped, such as those of a coronary probe that reads the aorta's flow, are skipped
+    with the message as `refused`. cpu_s_made: CPU time of making the data of all draws. cpu_s: of the search.
     """
     with tempfile.TemporaryDirectory() as name:
         folder, begin = Path(name), time.process_time()
@@ -76,7 +78,10 @@ def trial(case: Case, experiment: BenchmarkExperiment, nature: Nature, threads: 
         cell: dict = {"effect": case.label, "strength": case.strength, "noise": case.noise, "seed": case.seed}
         if truth is None:
             return {**cell, **made, "skipped": True, "redrawn": redrawn} if redrawn else None
-        return {**cell, **made, **_search(truth, folder, threads), "redrawn": redrawn}
+        try:
+            return {**cell, **made, **_search(truth, folder, threads), "redrawn": redrawn}
+        except InputError as error:
+            return {**cell, **made, "skipped": True, "refused": str(error), "redrawn": redrawn}
 
 
 def _search(truth: Truth, folder: Path, threads: int) -> dict:
