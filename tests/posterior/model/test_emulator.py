@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-from coronaryuq.posterior.model.emulator import Emulator
+from coronaryuq.posterior.model.emulator import Emulator, _per_gram
 from coronaryuq.posterior.model.fit_to_fractions import fit_fractions
 from coronaryuq.posterior.model.flow_model import Posterior
 from coronaryuq.posterior.model.likelihood import Likelihood
@@ -49,6 +49,14 @@ def test_emulator_is_far_more_accurate_than_the_targets():
     assert np.all(emulator.error < 0.001)
     posterior, screen = Posterior(tree, space, likelihood), emulator.screen(space, likelihood)
     assert np.max(np.abs(screen(y) - posterior(y)[0])) < 0.05
+
+
+def test_a_state_without_a_steady_flow_is_impossible():
+    inverse = np.array([[1.0], [np.nan], [np.inf]])
+    one, x = np.ones(1), np.zeros((3, 1))
+    likelihood = one, np.eye(1), 0.0
+    density = _per_gram(x, x, inverse, 0.0 * one, one, np.zeros((1, 2)), *likelihood, 0.0 * one, np.eye(1), -np.inf)
+    assert density.tolist() == [0.0, -np.inf, -np.inf]
 
 
 def test_emulated_density_is_that_of_emulated_flows():

@@ -59,6 +59,25 @@ def test_pressures_add_up_along_every_way(seed, strength):
         assert np.isclose(pressure, PRESSURE, rtol=1e-5)
 
 
+@given(
+    seed=st.integers(0, 9),
+    factors=st.lists(st.sampled_from([-6.0, -1.0, 0.0, 1e-300, 1.0, 1e300, np.inf]), min_size=3, max_size=3),
+)
+@settings(max_examples=60, deadline=None)
+def test_resistances_of_no_vessel_have_no_flow(seed, factors):
+    """Far in the tails of a normal law a resistance is negative: no error, and flows are positive or no numbers."""
+    tree, stenoses = random_tree(seed)
+    own, _ = steady(check_network(network_of_tree(tree, stenoses)), PRESSURE)
+    named = [name for name in own.places if name.endswith("R_poiseuille")][: len(factors)]
+    changes = {
+        name: own.places[name][0] * np.array([factor, 1.0]) for name, factor in zip(named, factors, strict=False)
+    }
+    flows = own.flows(changes)
+    assert np.isnan(flows[0]).all() or (flows[0] > 0.0).all()
+    assert (flows[1] > 0.0).all(), "the row beside it"
+    assert np.isnan(own.flows({named[0]: np.array([-1e30])})).all()
+
+
 def test_a_row_does_not_depend_on_the_others():
     tree, stenoses = random_tree(3)
     own, names = steady(check_network(network_of_tree(tree, stenoses)), PRESSURE)

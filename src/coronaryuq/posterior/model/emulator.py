@@ -169,9 +169,13 @@ def _per_gram(x, smooth, inverse, centre, scale, coefficients, mean, whitening, 
             relative[i] = 1.0 / inverse[row, i]
         _emulate(smooth[row], relative, centre, scale, coefficients, z, residual)
         for i in range(outlets):
+            if not residual[i] > 0.0:
+                # No steady flow, or one too small for a number.
+                prior = -np.inf
+                break
             prior -= np.log(residual[i])
             residual[i] = 1.0 - mean[i] / residual[i]
-        value = prior + constant - 0.5 * _misfit(residual, whitening)
+        value = prior + constant - 0.5 * _misfit(residual, whitening) if prior > -np.inf else prior
         result[row] = _defended(value, x[row], about, factor, height)
     return result
 

@@ -63,7 +63,11 @@ class SteadyTree:
                 self.places[name] = (value, part, k)
 
     def flows(self, changes: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the flows (n, N) of the wanted beds, all positive, for changes (n,) of the network's parameters."""
+        """Return the flows (n, N) of the wanted beds for changes (n,) of the network's parameters.
+
+        All are positive, or none is a number: where a resistance is negative or infinite, as far in the tails of a
+        normal law, no flow is steady.
+        """
         n = max((np.size(values) for values in changes.values()), default=1)
         values = np.repeat(self.values[:, :, None], n, axis=2)
         for name, changed in changes.items():
@@ -81,6 +85,7 @@ def _flows(parent, linear, quadratic, behind, pressure):
     slope, offset = np.empty(count), np.empty(count)
     conductance, source, ahead = np.empty(count), np.empty(count), np.empty(count)
     for row in range(n):
+        steady = True
         for _ in range(ROUNDS):
             # Pressure lost up to the bed is slope Q + offset.
             conductance[:], source[:] = 0.0, 0.0
@@ -94,11 +99,17 @@ def _flows(parent, linear, quadratic, behind, pressure):
                     rise = source[v] / conductance[v]
                 # From here on they are those from the vessel's start to the pressure behind all beds.
                 ahead[v] = slope[v] + further
+                if not 0.0 < ahead[v] < np.inf:
+                    steady = False
+                    break
                 total = offset[v] + rise
                 if parent[v] >= 0:
                     conductance[parent[v]] += 1.0 / ahead[v]
                     source[parent[v]] += total / ahead[v]
                 source[v] = total
+            if not steady:
+                flows[row] = np.nan
+                break
             change = 0.0
             for v in range(count):
                 start = pressure if parent[v] < 0 else conductance[parent[v]]
