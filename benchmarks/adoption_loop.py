@@ -63,7 +63,7 @@ def column(cases: list[dict[str, Any]]) -> dict[str, str]:
     score = summary(cases)
     others = [case for case in cases if "failed" not in case and not case["named_right"]]
     nothing = sum(map(same_as_before, others))
-    right, after = score["named_right"], score["coverage_90_after"]
+    right, after, ratio = score["named_right"], score["coverage_90_after"], score["error_over_truth"]
     errors = {kind: ", ".join(f"{score[f'{kind}_error_{when}']:.3f}" for when in MODELS) for kind in ("ffr", "flow")}
     seeds = sorted({case["seed"] for case in cases})
     return {
@@ -77,7 +77,10 @@ def column(cases: list[dict[str, Any]]) -> dict[str, str]:
         "flow error (relative) before, after, with the truth": errors["flow"],
         "flow in range before, after, with the truth": held(score, "flow_"),
         "named right: FFR error at most a tenth above that with the truth": f"{score['as_truth']} of {right}",
-        f"the same, or at most {NEGLIGIBLE} above": f"{score['as_truth_or_small']} of {right}",
+        "the reverse: error with the truth at most a tenth above": f"{score['truth_as_adopted']} of {right}",
+        "named right, all cases: FFR error over that with the truth (95 % interval)": (
+            f"{ratio['ratio']:.2f} ({ratio['low']:.2f} to {ratio['high']:.2f})" if ratio and "low" in ratio else "–"
+        ),
         f"FFR error above that before adoption by more than {NEGLIGIBLE}": (
             f"{score['worse']} of {score['cases'] - score['failed']}"
         ),

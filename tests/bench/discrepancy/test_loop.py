@@ -35,16 +35,41 @@ def test_a_case_that_fails_is_counted_and_the_rest_is_scored():
 
 
 def test_predictions_are_compared_case_by_case_with_those_of_the_truth_and_those_before():
-    """Equal to the truth; off by more, but by little; off by much; not named right, and worse than before."""
+    """As good as the truth; worse, twice; better; not named right, and worse than before."""
+    seeds = iter(range(9))
 
     def case(before, after, truth, right=True):
         errors = {"before": before, "after": after, "truth": truth}
         scored = {when: {"truth": [0.8], "error": [error], "inside": [True]} for when, error in errors.items()}
-        return {"named_right": right} | {when: {"ffr": one, "flow": one} for when, one in scored.items()}
+        of_models = {when: {"ffr": one, "flow": one} for when, one in scored.items()}
+        return {"named_right": right, "seed": next(seeds)} | of_models
 
-    cases = [case(0.2, -0.021, 0.02), case(0.2, 0.014, 0.01), case(0.2, 0.09, -0.05), case(0.02, 0.03, 0.01, False)]
+    cases = [case(0.2, -0.021, 0.02), case(0.2, 0.014, 0.01), case(0.2, 0.09, -0.05), case(0.2, 0.01, 0.02)]
+    cases.append(case(0.02, 0.03, 0.01, False))
     found = summary(cases)
-    assert (found["named_right"], found["as_truth"], found["as_truth_or_small"], found["worse"]) == (3, 1, 2, 1)
+    assert (found["named_right"], found["as_truth"], found["truth_as_adopted"], found["worse"]) == (4, 2, 3, 1)
+    ratio = found["error_over_truth"]
+    assert ratio["ratio"] == pytest.approx(np.sqrt((0.021**2 + 0.014**2 + 0.09**2 + 0.01**2) / (0.0034)))
+    assert ratio["low"] < ratio["ratio"] < ratio["high"]
+    assert set(summary(cases[:1])["error_over_truth"]) == {"ratio"}, "one seed has no interval"
+
+
+def test_the_interval_of_the_ratio_of_errors_holds_one_for_equally_good_models():
+    """By trial: within three standard errors of 95 % of 400, and one more per cent, as the interval is linearised."""
+    random, held = np.random.default_rng(5), 0
+    for _ in range(400):
+        errors = 0.02 * random.standard_normal((20, 2, 2))
+        cases = [
+            {"seed": seed, "named_right": True}
+            | {
+                when: {kind: {"error": list(of), "inside": [True, True]} for kind in ("ffr", "flow")}
+                for when, of in {"before": own[0], "after": own[0], "truth": own[1]}.items()
+            }
+            for seed, own in enumerate(errors)
+        ]
+        ratio = summary(cases)["error_over_truth"]
+        held += ratio["low"] <= 1.0 <= ratio["high"]
+    assert abs(held / 400 - 0.95) < 0.01 + 3 * np.sqrt(0.95 * 0.05 / 400)
 
 
 @pytest.mark.slow
