@@ -100,7 +100,7 @@ class DecisionRule:
     implausible: float = _threshold(
         4.0,
         "prior sd",
-        "Size beyond which an effect is implausible; none named in the benchmark's searches is so large.",
+        "Size beyond which an effect is not named; its probability is that of something else.",
     )
     prior_bound: float = _threshold(
         2.5758293035489004, "prior sd", "Bound of the central 99 % of a prior, beyond which a size is reported."

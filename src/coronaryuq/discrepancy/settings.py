@@ -110,8 +110,8 @@ class Settings(BaseModel):
     )
     noise: Literal["estimated", "stated"] = Field(
         "estimated",
-        description="Noise of waveforms: `stated` uses the standard deviations of the table; `estimated` re-estimates "
-        "their scale and correlation time if the model misfits and this improves the held-out prediction.",
+        description="Noise of waveforms: `stated` uses the standard deviations of the table; `estimated` also "
+        "considers other scales and correlation times, by the scatter of the waveforms.",
     )
     alarm_level: float = Field(0.01, gt=0, lt=1, description="Significance level of the global test.")
     false_discovery_rate: float = Field(
@@ -131,7 +131,7 @@ class Settings(BaseModel):
         3.0,
         ge=0,
         description="Log evidence plus log prior by which an effect, or its class of indistinguishable effects, must "
-        "exceed the log evidence of the current model; 3 corresponds to posterior odds of 45 to 1.",
+        "exceed the log evidence of the current model; 3 are odds of 20 to 1.",
     )
     starts: int = Field(3, ge=1, le=6, description="Starting sizes of an effect in each multistart fit.")
     iterations: int = Field(12, ge=1, description="Maximum number of Gauss-Newton iterations per fit.")

@@ -144,9 +144,13 @@ def residuals(
             if number + columns >= len(groups):
                 axis.set_xlabel("phase of the cycle")
             axis.set_ylabel(unit)
-        for axis in axes.flat[len(groups) :]:
+        spare = axes.flat[len(groups) :]
+        for axis in spare:
             axis.set_axis_off()
-        axes.flat[0].legend(fontsize=7)
+        # On the waveforms it would hide some of them.
+        handles, labels = axes.flat[0].get_legend_handles_labels()
+        where = {"loc": "center left"} if len(spare) else {}
+        axes.flat[len(groups) if len(spare) else 0].legend(handles, labels, fontsize=7, **where)
 
 
 def after_label(frame: pd.DataFrame) -> str:
