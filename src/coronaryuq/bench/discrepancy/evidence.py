@@ -2,7 +2,6 @@
 
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -55,8 +54,7 @@ def compared(discovery: Discovery, seed: int) -> dict[str, Any]:
     if discovery.hypothesis:
         models["found"] = (discovery.problem, discovery.fit, discovery.hypothesis)
     rows, change = [], {}
-    for model, (averaged, fit, hypothesis) in models.items():
-        problem = replace(averaged, noises=())
+    for model, (problem, fit, hypothesis) in models.items():
         posterior = posterior_of_all(problem, fit, hypothesis)
         for name, prior in PRIORS.items():
             random = generator(seed, "discrepancy", "evidence", model, name)

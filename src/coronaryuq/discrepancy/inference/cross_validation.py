@@ -1,6 +1,6 @@
 """Cross-validation: misfit and predictive density of models on held-out data."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -8,10 +8,8 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
-from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.flexible import Posterior
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
-from coronaryuq.discrepancy.inference.possible_noise import averaged_evidence
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import residual_tests
 
@@ -96,15 +94,8 @@ def posterior_of_all(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> Post
 
 
 def of_all(problem: Problem, model: Linear) -> Posterior:
-    """Return the posterior given all data of a linear model.
-
-    Its evidence is averaged over the problem's possible noises; its moments are those of the most probable one.
-    """
-    found = problem.flexible_of_all.posterior(model.at_zero, model.jacobian)
-    if not problem.noises:
-        return found
-    discrepancy = gp_discrepancy.features(problem), gp_discrepancy.blocks(problem)
-    return replace(found, log_evidence=averaged_evidence(problem, model.at_zero, model.jacobian, *discrepancy))
+    """Return the posterior given all data of a linear model."""
+    return problem.flexible_of_all.posterior(model.at_zero, model.jacobian)
 
 
 def unreached(problem: Problem, fit: Fit) -> float:

@@ -25,8 +25,6 @@ TRIMMED = 0.1
 """Fraction of the largest squares left out: a valve that closes one sample late is not noise."""
 CORRELATIONS = (0.2, 0.35, 0.5, 0.6, 0.7, 0.8)
 """Correlations of successive samples that are compared with none; noise that lasts longer is an offset or a drift."""
-LEAST_SHARE = 0.02
-"""Share of the probability below which evidence is not averaged over a noise: of one quantity, and of all together."""
 AS_STATED, OTHER, CORRELATED = 0.6, 0.2, 0.2
 """Prior probabilities of noise as stated, of another scale, and correlated."""
 LARGER_BY, SMALLER_BY = 1.0, 0.1
@@ -46,26 +44,6 @@ class Noise:
     correlation_time: float = 0.0
 
 
-@dataclass(frozen=True)
-class Alternative:
-    """A plausible noise, its log prior, and its share of the probability by the scatter alone."""
-
-    noise: Noise
-    log_prior: float
-    share: float
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """Noise of the waveforms of one quantity by their scatter.
-
-    noise: the most probable one, None for the stated one. alternatives: all that the scatter leaves plausible.
-    """
-
-    noise: Noise | None
-    alternatives: tuple[Alternative, ...]
-
-
 def noise_text(noise: dict[str, Noise]) -> str:
     """Return the noise of several quantities in words."""
     parts = []
@@ -76,24 +54,13 @@ def noise_text(noise: dict[str, Noise]) -> str:
 
 
 def estimated_noise(problem: Problem, residual: np.ndarray) -> dict[str, Noise]:
-    """Return the most probable noise of quantities whose waveforms show another than the stated, white one.
-
-    See `noise_estimates`.
-    """
-    estimates = noise_estimates(problem, residual)
-    return {quantity: estimate.noise for quantity, estimate in estimates.items() if estimate.noise is not None}
-
-
-def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimate]:
-    """Estimate the noise of each quantity that has waveforms.
+    """Return the noise of quantities whose waveforms show another than the stated, white one.
 
     Mean and first harmonics of each residual waveform, as many as leave half of the samples, are projected out, because
     there a missing effect may be; standard deviations are those with the model's floor and the time-step allowance.
     Scale and correlation are those of the largest likelihood of what is left, in which every waveform has a scale of
     its own and the median waveform counts: missing effects are in some waveforms, noise in all. The most probable of
-    three is taken: noise as stated, larger white noise, and correlated noise of any scale. The scatter beyond the first
-    harmonics says little of how long noise lasts, and the variance of a mean depends on it: so the others that are
-    plausible are returned, too.
+    three is taken: noise as stated, larger white noise, and correlated noise of any scale.
 
     Parameters
     ----------
@@ -105,12 +72,13 @@ def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimat
     Returns
     -------
     dict
-        Quantity → estimate.
+        Quantity → noise.
     """
     by_quantity: dict[str, list[_Waveform]] = {}
     for series, rows, phase in _waveforms(problem):
         by_quantity.setdefault(series.quantity, []).append(_Waveform(series, phase, residual[rows]))
-    return {quantity: _estimate(waveforms) for quantity, waveforms in by_quantity.items()}
+    found = {quantity: _likeliest(waveforms) for quantity, waveforms in by_quantity.items()}
+    return {quantity: noise for quantity, noise in found.items() if noise is not None}
 
 
 class _Waveform:
@@ -132,11 +100,11 @@ class _Waveform:
         return square, -0.5 * len(self.values) * np.log(square) - float(np.log(np.diag(factor)).sum())
 
 
-def _estimate(waveforms: list[_Waveform]) -> Estimate:
-    """Return the noise of some waveforms."""
+def _likeliest(waveforms: list[_Waveform]) -> Noise | None:
+    """Return the noise of some waveforms; None if it is as stated."""
     waveforms = [one for one in waveforms if len(one.values) > 1]
     if not waveforms:
-        return Estimate(None, ())
+        return None
     step, freedom = float(np.median([one.step for one in waveforms])), sum(len(one.values) for one in waveforms)
     times = [0.0, *(-step / np.log(correlation) for correlation in CORRELATIONS)]
     fits = np.array([[one.fit(time) for one in waveforms] for time in times])
@@ -146,23 +114,15 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     # Each waveform has a scale of its own in its likelihood; their common one has a prior.
     free = known * len(waveforms) * np.median(fits[:, :, 1] - fits[0, :, 1], axis=1)
     scales = 0.5 * np.log(squares)
-    by_scale = -np.abs(scales) / np.where(scales > 0.0, LARGER_BY, SMALLER_BY)
-    free += by_scale
+    free -= np.abs(scales) / np.where(scales > 0.0, LARGER_BY, SMALLER_BY)
     stated = np.log(AS_STATED) - 0.5 * known * freedom * (squares[0] - 1.0 - np.log(squares[0]))
     white = np.log(OTHER) + free[0]
     correlated = np.log(CORRELATED) + logsumexp(free[1:]) - np.log(len(CORRELATIONS))
     # Where standard deviations are overstated, they are kept: the answer then warns of them.
-    each = [Noise(float(np.sqrt(square)), float(time)) for square, time in zip(squares, times, strict=True)]
-    noise: Noise | None = each[0] if white > correlated else each[1 + int(np.argmax(free[1:]))]
     if stated >= max(white, correlated) or (white > correlated and squares[0] < 1.0):
-        noise = None
-    of_kind = np.log([OTHER] + [CORRELATED / len(CORRELATIONS)] * len(CORRELATIONS))
-    weights = np.array([stated, *(of_kind + free)])
-    weights[1] = weights[1] if squares[0] >= 1.0 else -np.inf
-    shares = np.exp(weights - logsumexp(weights))
-    priors = [np.log(AS_STATED), *(of_kind + by_scale)]
-    plausible = zip([Noise(1.0), *each], priors, shares, strict=True)
-    return Estimate(noise, tuple(Alternative(one, float(p), float(s)) for one, p, s in plausible if s >= LEAST_SHARE))
+        return None
+    best = 0 if white > correlated else 1 + int(np.argmax(free[1:]))
+    return Noise(float(np.sqrt(squares[best])), float(times[best]))
 
 
 def _waveforms(problem: Problem) -> Iterator[tuple[Measured, np.ndarray, np.ndarray]]:

@@ -13,7 +13,6 @@ from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
-from coronaryuq.discrepancy.inference.possible_noise import PossibleNoise
 from coronaryuq.discrepancy.inference.pullback_errors import independent_sd
 from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps, finer
 from coronaryuq.discrepancy.settings import Settings
@@ -47,8 +46,6 @@ class Problem:
         Known error of the time steps.
     shorter
         The model with shorter time steps, created when needed.
-    noises
-        Noises over which evidence of all data is averaged; empty: the noise is known, or estimated well enough.
     """
 
     forward: Forward
@@ -56,7 +53,6 @@ class Problem:
     train: np.ndarray
     time_steps: TimeSteps | None = None
     shorter: Forward | None = None
-    noises: tuple[PossibleNoise, ...] = ()
 
     def __post_init__(self) -> None:
         series = self.forward.measured

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +18,8 @@ from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
-from coronaryuq.discrepancy.inference.noise import LEAST_SHARE, Estimate, Noise, white_and_correlated
+from coronaryuq.discrepancy.inference.noise import Noise, white_and_correlated
 from coronaryuq.discrepancy.inference.outliers import Outlier
-from coronaryuq.discrepancy.inference.possible_noise import PossibleNoise
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.pullback_errors import pullback_errors
 from coronaryuq.discrepancy.inference.time_step_error import time_steps
@@ -209,30 +207,12 @@ def with_noise(problem: Problem, noise: dict[str, Noise], outliers: Sequence[Out
         A new problem on the same data.
     """
     forward = problem.forward
-    measured, shapes, names = _noisy(problem, noise, outliers)
-    settings = problem.settings
-    if shapes and not forward.anatomy.closed_loop:
-        settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_CORRELATED * settings.steps_per_cycle})
-    noisy = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
-    of_steps = noisy.forward.shapes
-    if not shapes or of_steps is None:
-        return noisy
-    weights = [Nuisance(name, 1.0, shape=len(of_steps) + k, noise=True) for k, name in enumerate(names)]
-    nuisances = [*noisy.forward.nuisances, *weights]
-    return replace(noisy, forward=replace(noisy.forward, nuisances=nuisances, shapes=np.vstack([of_steps, *shapes])))
-
-
-def _noisy(
-    problem: Problem, noise: dict[str, Noise], outliers: Sequence[Outlier]
-) -> tuple[list[Measured], list[np.ndarray], list[str]]:
-    """Return the series with the standard deviations of their independent noise, and shapes (N,) of the rest, named."""
+    starts = np.cumsum([0, *(series.value.size for series in forward.measured)])
     measured: list[Measured] = []
     shapes: list[np.ndarray] = []
     names: list[str] = []
-    first = 0
-    for series in problem.forward.measured:
-        rows = slice(first, first + series.value.size)
-        first = rows.stop
+    for series, start in zip(forward.measured, starts, strict=False):
+        rows = slice(start, start + series.value.size)
         if series.statistic == "waveform" and series.quantity in noise:
             sd = problem.sd[rows]
             white, correlated = white_and_correlated(series, noise[series.quantity])
@@ -246,40 +226,17 @@ def _noisy(
             names += [name] * len(correlated)
         else:
             measured.append(series)
-    return [_without(series, outliers) for series in measured], shapes, names
-
-
-def possible_noises(
-    problem: Problem, estimates: dict[str, Estimate], outliers: Sequence[Outlier]
-) -> tuple[PossibleNoise, ...]:
-    """Return every combination of the noises that are plausible for each quantity; none if there is only one.
-
-    Parameters
-    ----------
-    problem
-        The problem with the stated noise.
-    estimates
-        Quantity → noise of its waveforms; `with_noise` takes the most probable one.
-    outliers
-        Those of `with_noise`.
-
-    Returns
-    -------
-    tuple
-        `Problem.noises`.
-    """
-    best = {quantity: one.noise for quantity, one in estimates.items() if one.noise is not None}
-    measured, _, _ = _noisy(problem, best, outliers)
-    found = []
-    for chosen in product(*(one.alternatives for one in estimates.values())):
-        if np.prod([one.share for one in chosen]) < LEAST_SHARE:
-            continue
-        other = {quantity: one.noise for quantity, one in zip(estimates, chosen, strict=True)}
-        series, shapes, _ = _noisy(problem, other, outliers)
-        change = np.concatenate([new.sd**2 - old.sd**2 for new, old in zip(series, measured, strict=True)])
-        log_prior = sum(one.log_prior for one in chosen)
-        found.append(PossibleNoise(log_prior, change, np.array(shapes).reshape(-1, problem.sd.size)))
-    return tuple(found) if len(found) > 1 else ()
+    measured = [_without(series, outliers) for series in measured]
+    settings = problem.settings
+    if shapes and not forward.anatomy.closed_loop:
+        settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_CORRELATED * settings.steps_per_cycle})
+    noisy = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
+    of_steps = noisy.forward.shapes
+    if not shapes or of_steps is None:
+        return noisy
+    weights = [Nuisance(name, 1.0, shape=len(of_steps) + k, noise=True) for k, name in enumerate(names)]
+    nuisances = [*noisy.forward.nuisances, *weights]
+    return replace(noisy, forward=replace(noisy.forward, nuisances=nuisances, shapes=np.vstack([of_steps, *shapes])))
 
 
 def _without(series: Measured, outliers: Sequence[Outlier]) -> Measured:

@@ -79,8 +79,6 @@ def unknown_source(
     source
         That of the first; None if there is no node, or if none adds anything.
     """
-    # It is described under one noise: averaged over several it would be no different, and take many times as long.
-    problem = replace(problem, noises=())
     forward = problem.forward
     places = SOURCE.places(forward.anatomy, forward.measured)
     if not places:
