@@ -18,6 +18,7 @@ from coronaryuq.case.perfusion.outlet_checks import outlet_notes
 from coronaryuq.case.perfusion.perfusion_map import Wall
 from coronaryuq.case.settings import Settings
 from coronaryuq.case.tables.read import read_case_targets, read_outlets
+from coronaryuq.case.tables.targets import names_reference
 from support.case_files import check_case, write_case
 
 
@@ -359,7 +360,9 @@ def test_targets_come_in_any_unit_of_their_kind_from_either_format(small_tree, t
 def test_the_examples_of_the_documentation_are_valid_and_its_fields_those_of_the_model(small_tree, tmp_path):
     docs = Path(__file__).parents[2] / "docs"
     listed = (docs / "reference" / "case.md").read_text(encoding="utf-8")
-    assert listed[listed.index("### `case.yaml`") :] == reference(), "run tools/config_docs.py"
+    assert listed[listed.index("### `case.yaml`") :] == f"{reference()}\n{names_reference()}", (
+        "run tools/config_docs.py"
+    )
     text = (docs / "how-to" / "your-patient.md").read_text(encoding="utf-8")
     blocks = [block for block in re.findall(r"(?:^    .*\n)+", text, re.MULTILINE) if block.startswith("    name: ")]
     assert len(blocks) == 3

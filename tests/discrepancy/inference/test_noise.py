@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from coronaryuq.bench.discrepancy.benchmark import NATURE
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import hide
@@ -22,6 +23,7 @@ from coronaryuq.discrepancy.inference.noise import (
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
+from coronaryuq.discrepancy.selection.answer import OTHER
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.network.read import read_network
@@ -143,6 +145,14 @@ def in_first_class(truth, found):
     """Whether one class is named, which contains the hidden effect at its place."""
     classes = [[member.placed for member in entry.members] for entry in found.named]
     return len(classes) == 1 and all(placed in classes[0] for placed in truth.hypothesis)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [70000, 70003])
+def test_a_strong_effect_outside_the_library_is_not_noise(tmp_path, seed):
+    """A side vessel carries blood in late diastole alone: it is beyond the first harmonics, too, as noise is."""
+    hide(Case((), "medium", "nominal", seed, "thrombosed_side_vessel"), open_loop(), tmp_path, NATURE)
+    assert searched(tmp_path).answer.given == OTHER
 
 
 @pytest.mark.slow

@@ -278,8 +278,8 @@ class Description(_Model):
         default_factory=list, description="Outlets of the aorta; default: all aortic ends, named BC_RCR1, BC_RCR2, ..."
     )
     stenoses: Literal["auto"] | list[StenosisPlace] = Field(
-        description="Stenoses, any number in an artery; or `auto`: the narrowest of each artery, and others that are "
-        "as narrow as the setting `case.serial`."
+        description="Stenoses, any number in an artery; or `auto`: the narrowest place of each artery if it has lost "
+        "as much of its area as `patient.narrowing` says, and every other that has lost as much as `patient.serial`."
     )
     ffr_beyond_mm: float | None = Field(
         15.0,
@@ -300,7 +300,10 @@ class Description(_Model):
         None, description="Measurements in which to search for effects that the model misses."
     )
     period: float | None = Field(
-        None, gt=0.2, lt=3, description="Cardiac period, s; default: that of the network, or 1.0."
+        None,
+        gt=0.2,
+        lt=3,
+        description="Cardiac period, s; default: that of the target HR, else of the network, else 1.0.",
     )
     density: float = Field(BLOOD_DENSITY, ge=0.9, le=1.2, description="Blood density, g/cm3.")
     viscosity: float | None = Field(

@@ -15,6 +15,8 @@ from coronaryuq.case.description.fields import (
     SystemicOutlet,
     TerritoryFlows,
 )
+from coronaryuq.case.description.lumen import CalcifiedStretch, LumenError
+from coronaryuq.case.description.routine import RoutineErrors
 from coronaryuq.case.description.wire_place import WirePlace
 
 BLOCKS: dict[str, type[BaseModel]] = {
@@ -28,14 +30,19 @@ BLOCKS: dict[str, type[BaseModel]] = {
     "ffr_at": WirePlace,
     "systemic_outlets": SystemicOutlet,
     "measurements": Measurements,
+    "lumen": LumenError,
+    "lumen.calcified": CalcifiedStretch,
+    "errors": RoutineErrors,
 }
+LISTS = ("stenoses", "ffr_at", "systemic_outlets", "lumen.calcified")
+"""Blocks of which there may be several."""
 
 
 def reference() -> str:
     """Write Markdown tables of fields, defaults and meanings, one per block, from the models that check them."""
     parts = []
     for name, model in BLOCKS.items():
-        each = " (each)" if name in ("stenoses", "ffr_at", "systemic_outlets") else ""
+        each = " (each)" if name in LISTS else ""
         parts += [f"### `{name}`{each}", "", "| field | default | description |", "|---|---|---|", *_rows(model), ""]
     return "\n".join(parts)
 

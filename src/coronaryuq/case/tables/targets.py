@@ -76,6 +76,17 @@ OUTPUT_AND_RATE = (
 BY_NAME = {target.name: target for target in (*TARGETS, *OUTPUT_AND_RATE)}
 
 
+def names_reference() -> str:
+    """Write a Markdown table of the names that a table of targets may have."""
+    head = ["### Names in `targets`", "", "| name | what | unit | usually measured in |", "|---|---|---|---|"]
+    rows = [
+        f"| `{one.name}` | {one.description} | {one.unit} | {'patient' if one.clinical else 'population average'} |"
+        for one in (*OUTPUT_AND_RATE, *TARGETS)
+        if not one.name.endswith("_conv")
+    ]
+    return "\n".join([*head, *rows, ""])
+
+
 def check_targets(targets: Mapping[str, TargetValue], file: str | Path) -> dict[str, float]:
     """Return the targets that have a value, in their own units.
 
