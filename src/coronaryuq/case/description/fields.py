@@ -191,7 +191,7 @@ class StenosisPlace(_Model):
     """A stenosis, located by its extent along a vessel, by a nearby point, or by a block of the given network."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9]{0,15}$")] = Field(
-        description="Name in tables and on the page: the artery (LM, LAD, LCx, RCA), or any other, such as LAD2."
+        description="Name in tables and in the report: the artery (LM, LAD, LCx, RCA), or any other, such as LAD2."
     )
     artery: Artery | None = Field(
         None, description="Artery of the stenosis; default: its name, or else the artery that its vessel belongs to."

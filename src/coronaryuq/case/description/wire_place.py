@@ -13,7 +13,7 @@ class WirePlace(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]{0,39}$")] | None = Field(
-        None, description="Name in tables and on the page; default: vessel and distance, such as `LAD 6.5 cm`."
+        None, description="Name in tables and in the report; default: vessel and distance, such as `LAD 6.5 cm`."
     )
     artery: Artery | None = Field(None, description="Artery (LM, LAD, LCx or RCA), with `distance`.")
     distance: float | None = Field(
