@@ -11,13 +11,13 @@ from threadpoolctl import threadpool_limits
 
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import BenchmarkExperiment
+from coronaryuq.bench.discrepancy.sampled_evidence import Sampled, sampled_evidence
 from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.discrepancy.inference.cross_validation import posterior_of_all
 from coronaryuq.discrepancy.inference.flexible import RIGHT, UNKNOWN
-from coronaryuq.discrepancy.inference.importance import Sampled, sampled_evidence
 from coronaryuq.discrepancy.selection.answer import ALONE, NAMES, NOTHING, OTHER, REMAINDER
 from coronaryuq.discrepancy.selection.discovery import Discovery
 

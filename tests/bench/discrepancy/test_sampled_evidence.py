@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.inference.importance import integrate
+from coronaryuq.bench.discrepancy.sampled_evidence import integrate
 
 TRIALS = 60
 CONSTANT = 3.0
