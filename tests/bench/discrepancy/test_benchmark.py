@@ -81,7 +81,7 @@ def test_svzerodsolver_makes_the_data_and_the_result_states_how_far_they_are_off
     assert [case["made_by"] for case in found["cases"]] == ["svzerod"] * 2
     assert found["nature"]["program"] == "svzerod" and found["nature"]["vessels"] == 0.02
     assert found["nature"]["each bed"] == 0.15 and found["nature"]["violated"] == {"vessels": 0.15, "each bed": 0.2}
-    assert all(case["cpu_s_made"] > 0.0 for case in found["cases"]) and found["cases"][1]["named"]
+    assert all(case["cpu_s_made"] > 0.0 for case in found["cases"]) and found["cases"][1]["alarmed"]
 
 
 def test_where_svzerodsolver_is_missing_our_engine_makes_the_data(monkeypatch, capsys):

@@ -7,6 +7,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference import gp_discrepancy
+from coronaryuq.discrepancy.inference.evidence import AllData
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
 from coronaryuq.discrepancy.selection.answer import ALONE, NAMES, NOTHING, OTHER, REMAINDER, VARYING, answer
 from support.hypotheses import assume
@@ -29,7 +30,7 @@ def problem_of(change, seed=0, effect=FOUND, held_out=()):
     design = random.standard_normal((ROWS, NUISANCES))
     y = design @ random.standard_normal(NUISANCES) + change + random.standard_normal(ROWS)
     problem = linear_problem(design, {effect: RESPONSE}, y, CONDITIONS, held_out)
-    problem.__dict__["flexible"] = problem.__dict__["flexible_of_all"] = None
+    problem.__dict__["flexible"] = None
     return problem
 
 
@@ -39,7 +40,7 @@ def weighed(problem, effect=FOUND):
     features *= SCALE / np.abs(problem.y).max()
     flexible = gp_discrepancy.Flexible(features[problem.train], np.zeros(problem.train.sum(), dtype=int))
     problem.__dict__["flexible"] = flexible
-    problem.__dict__["flexible_of_all"] = gp_discrepancy.Flexible(features, np.zeros(ROWS, dtype=int))
+    problem.__dict__["all_data"] = AllData(problem, features)
     hypothesis = assume(effect)
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
     return answer(problem, (problem, base), fit, hypothesis, [PRIOR], POSSIBLE)

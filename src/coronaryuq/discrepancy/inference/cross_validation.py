@@ -8,6 +8,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
+from coronaryuq.discrepancy.inference.evidence import Evidence
 from coronaryuq.discrepancy.inference.flexible import Posterior
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -94,8 +95,14 @@ def posterior_of_all(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> Post
 
 
 def of_all(problem: Problem, model: Linear) -> Posterior:
-    """Return the posterior given all data of a linear model."""
+    """Return the posterior given all data of a linear model, under the problem's own noise."""
     return problem.flexible_of_all.posterior(model.at_zero, model.jacobian)
+
+
+def evidence_of_all(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> Evidence:
+    """Return the evidence of all data, as of `posterior_of_all`, averaged over the possible noises."""
+    model = linearise(problem, fit.z, hypothesis)
+    return problem.all_data.evidence(model.at_zero, model.jacobian, unreached(problem, fit))
 
 
 def unreached(problem: Problem, fit: Fit) -> float:

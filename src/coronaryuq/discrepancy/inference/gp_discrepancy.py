@@ -74,10 +74,14 @@ def features(problem: "Problem") -> np.ndarray:
     return matrix[:, np.abs(matrix).max(axis=0) > 0]
 
 
-def flexible(problem: "Problem", rows: np.ndarray) -> Flexible:
-    """Return the flexible discrepancy of some rows (N,), bool; blocks are measured places and quantities."""
+def blocks(problem: "Problem") -> np.ndarray:
+    """Return the number of the independent block of each row (N,): its measured place and quantity."""
     each = [(s.quantity, s.location, s.statistic) for s in problem.forward.measured]
     keys = list(dict.fromkeys(each))
-    block = np.array([keys.index(key) for key in each])[problem.owner]
+    return np.array([keys.index(key) for key in each])[problem.owner]
+
+
+def flexible(problem: "Problem", rows: np.ndarray) -> Flexible:
+    """Return the flexible discrepancy of some rows (N,), bool."""
     columns, shapes = problem.shape_weights()
-    return Flexible(features(problem)[rows], block[rows], columns, shapes[rows])
+    return Flexible(features(problem)[rows], blocks(problem)[rows], columns, shapes[rows])

@@ -44,6 +44,25 @@ class Noise:
     correlation_time: float = 0.0
 
 
+@dataclass(frozen=True)
+class Alternative:
+    """A possible noise and its log prior."""
+
+    noise: Noise
+    log_prior: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Noise of the waveforms of one quantity by their scatter.
+
+    noise: the most probable one, None for the stated one. alternatives: all, with the scale that the scatter shows.
+    """
+
+    noise: Noise | None
+    alternatives: tuple[Alternative, ...]
+
+
 def noise_text(noise: dict[str, Noise]) -> str:
     """Return the noise of several quantities in words."""
     parts = []
@@ -54,13 +73,24 @@ def noise_text(noise: dict[str, Noise]) -> str:
 
 
 def estimated_noise(problem: Problem, residual: np.ndarray) -> dict[str, Noise]:
-    """Return the noise of quantities whose waveforms show another than the stated, white one.
+    """Return the most probable noise of quantities whose waveforms show another than the stated, white one.
+
+    See `noise_estimates`.
+    """
+    estimates = noise_estimates(problem, residual)
+    return {quantity: estimate.noise for quantity, estimate in estimates.items() if estimate.noise is not None}
+
+
+def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimate]:
+    """Estimate the noise of each quantity that has waveforms.
 
     Mean and first harmonics of each residual waveform, as many as leave half of the samples, are projected out, because
     there a missing effect may be; standard deviations are those with the model's floor and the time-step allowance.
     Scale and correlation are those of the largest likelihood of what is left, in which every waveform has a scale of
     its own and the median waveform counts: missing effects are in some waveforms, noise in all. The most probable of
-    three is taken: noise as stated, larger white noise, and correlated noise of any scale.
+    three is taken: noise as stated, larger white noise, and correlated noise of any scale. The scatter beyond the first
+    harmonics says little of how long noise lasts, the variance of a mean depends on it, and a missing effect with sharp
+    features is part of the scatter: so the others are returned, too.
 
     Parameters
     ----------
@@ -72,13 +102,12 @@ def estimated_noise(problem: Problem, residual: np.ndarray) -> dict[str, Noise]:
     Returns
     -------
     dict
-        Quantity → noise.
+        Quantity → estimate.
     """
     by_quantity: dict[str, list[_Waveform]] = {}
     for series, rows, phase in _waveforms(problem):
         by_quantity.setdefault(series.quantity, []).append(_Waveform(series, phase, residual[rows]))
-    found = {quantity: _likeliest(waveforms) for quantity, waveforms in by_quantity.items()}
-    return {quantity: noise for quantity, noise in found.items() if noise is not None}
+    return {quantity: _estimate(waveforms) for quantity, waveforms in by_quantity.items()}
 
 
 class _Waveform:
@@ -100,11 +129,11 @@ class _Waveform:
         return square, -0.5 * len(self.values) * np.log(square) - float(np.log(np.diag(factor)).sum())
 
 
-def _likeliest(waveforms: list[_Waveform]) -> Noise | None:
-    """Return the noise of some waveforms; None if it is as stated."""
+def _estimate(waveforms: list[_Waveform]) -> Estimate:
+    """Return the noise of some waveforms."""
     waveforms = [one for one in waveforms if len(one.values) > 1]
     if not waveforms:
-        return None
+        return Estimate(None, ())
     step, freedom = float(np.median([one.step for one in waveforms])), sum(len(one.values) for one in waveforms)
     times = [0.0, *(-step / np.log(correlation) for correlation in CORRELATIONS)]
     fits = np.array([[one.fit(time) for one in waveforms] for time in times])
@@ -114,15 +143,20 @@ def _likeliest(waveforms: list[_Waveform]) -> Noise | None:
     # Each waveform has a scale of its own in its likelihood; their common one has a prior.
     free = known * len(waveforms) * np.median(fits[:, :, 1] - fits[0, :, 1], axis=1)
     scales = 0.5 * np.log(squares)
-    free -= np.abs(scales) / np.where(scales > 0.0, LARGER_BY, SMALLER_BY)
+    by_scale = -np.abs(scales) / np.where(scales > 0.0, LARGER_BY, SMALLER_BY)
+    free += by_scale
     stated = np.log(AS_STATED) - 0.5 * known * freedom * (squares[0] - 1.0 - np.log(squares[0]))
     white = np.log(OTHER) + free[0]
     correlated = np.log(CORRELATED) + logsumexp(free[1:]) - np.log(len(CORRELATIONS))
     # Where standard deviations are overstated, they are kept: the answer then warns of them.
+    each = [Noise(float(np.sqrt(square)), float(time)) for square, time in zip(squares, times, strict=True)]
+    noise: Noise | None = each[0] if white > correlated else each[1 + int(np.argmax(free[1:]))]
     if stated >= max(white, correlated) or (white > correlated and squares[0] < 1.0):
-        return None
-    best = 0 if white > correlated else 1 + int(np.argmax(free[1:]))
-    return Noise(float(np.sqrt(squares[best])), float(times[best]))
+        noise = None
+    priors = by_scale + np.log([OTHER] + [CORRELATED / len(CORRELATIONS)] * len(CORRELATIONS))
+    first = 0 if squares[0] >= 1.0 else 1
+    others = [Alternative(one, float(prior)) for one, prior in zip(each[first:], priors[first:], strict=True)]
+    return Estimate(noise, (Alternative(Noise(1.0), float(np.log(AS_STATED))), *others))
 
 
 def _waveforms(problem: Problem) -> Iterator[tuple[Measured, np.ndarray, np.ndarray]]:

@@ -1,7 +1,7 @@
 """A discrepancy problem: data, rows to fit, and fits of hypotheses, with the time-step error corrected."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference import gp_discrepancy
+from coronaryuq.discrepancy.inference.evidence import AllData, PossibleNoise
 from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
 from coronaryuq.discrepancy.inference.pullback_errors import independent_sd
@@ -46,6 +47,8 @@ class Problem:
         Known error of the time steps.
     shorter
         The model with shorter time steps, created when needed.
+    noises
+        Quantity → noises that its waveforms may have; evidence of all data is averaged over them.
     """
 
     forward: Forward
@@ -53,6 +56,7 @@ class Problem:
     train: np.ndarray
     time_steps: TimeSteps | None = None
     shorter: Forward | None = None
+    noises: dict[str, tuple[PossibleNoise, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         series = self.forward.measured
@@ -75,6 +79,11 @@ class Problem:
     def flexible_of_all(self) -> Flexible:
         """The flexible discrepancy of all data, held-out ones included."""
         return gp_discrepancy.flexible(self, np.ones(len(self.y), dtype=bool))
+
+    @cached_property
+    def all_data(self) -> AllData:
+        """All data under each noise that they may have."""
+        return AllData(self, gp_discrepancy.features(self))
 
     def whitened(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
         """Return (y - f) / sd of all data for rows (z, hypothesis): (n, N)."""

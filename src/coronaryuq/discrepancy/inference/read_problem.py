@@ -18,7 +18,8 @@ from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
-from coronaryuq.discrepancy.inference.noise import Noise, white_and_correlated
+from coronaryuq.discrepancy.inference.evidence import PossibleNoise
+from coronaryuq.discrepancy.inference.noise import Estimate, Noise, white_and_correlated
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.pullback_errors import pullback_errors
@@ -207,12 +208,30 @@ def with_noise(problem: Problem, noise: dict[str, Noise], outliers: Sequence[Out
         A new problem on the same data.
     """
     forward = problem.forward
-    starts = np.cumsum([0, *(series.value.size for series in forward.measured)])
+    measured, shapes, names = _noisy(problem, noise, outliers)
+    settings = problem.settings
+    if shapes and not forward.anatomy.closed_loop:
+        settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_CORRELATED * settings.steps_per_cycle})
+    noisy = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
+    of_steps = noisy.forward.shapes
+    if not shapes or of_steps is None:
+        return noisy
+    weights = [Nuisance(name, 1.0, shape=len(of_steps) + k, noise=True) for k, name in enumerate(names)]
+    nuisances = [*noisy.forward.nuisances, *weights]
+    return replace(noisy, forward=replace(noisy.forward, nuisances=nuisances, shapes=np.vstack([of_steps, *shapes])))
+
+
+def _noisy(
+    problem: Problem, noise: dict[str, Noise], outliers: Sequence[Outlier]
+) -> tuple[list[Measured], list[np.ndarray], list[str]]:
+    """Return the series with the standard deviations of their independent noise, and shapes (N,) of the rest, named."""
     measured: list[Measured] = []
     shapes: list[np.ndarray] = []
     names: list[str] = []
-    for series, start in zip(forward.measured, starts, strict=False):
-        rows = slice(start, start + series.value.size)
+    first = 0
+    for series in problem.forward.measured:
+        rows = slice(first, first + series.value.size)
+        first = rows.stop
         if series.statistic == "waveform" and series.quantity in noise:
             sd = problem.sd[rows]
             white, correlated = white_and_correlated(series, noise[series.quantity])
@@ -226,17 +245,42 @@ def with_noise(problem: Problem, noise: dict[str, Noise], outliers: Sequence[Out
             names += [name] * len(correlated)
         else:
             measured.append(series)
-    measured = [_without(series, outliers) for series in measured]
-    settings = problem.settings
-    if shapes and not forward.anatomy.closed_loop:
-        settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_CORRELATED * settings.steps_per_cycle})
-    noisy = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
-    of_steps = noisy.forward.shapes
-    if not shapes or of_steps is None:
-        return noisy
-    weights = [Nuisance(name, 1.0, shape=len(of_steps) + k, noise=True) for k, name in enumerate(names)]
-    nuisances = [*noisy.forward.nuisances, *weights]
-    return replace(noisy, forward=replace(noisy.forward, nuisances=nuisances, shapes=np.vstack([of_steps, *shapes])))
+    return [_without(series, outliers) for series in measured], shapes, names
+
+
+def possible_noises(
+    problem: Problem, estimates: dict[str, Estimate], outliers: Sequence[Outlier]
+) -> dict[str, tuple[PossibleNoise, ...]]:
+    """Return the noises that the waveforms of each quantity may have.
+
+    Parameters
+    ----------
+    problem
+        The problem with the stated noise.
+    estimates
+        Quantity → noise of its waveforms; `with_noise` takes the most probable one.
+    outliers
+        Those of `with_noise`.
+
+    Returns
+    -------
+    dict
+        `Problem.noises`.
+    """
+    best = {quantity: one.noise for quantity, one in estimates.items() if one.noise is not None}
+    measured, _, _ = _noisy(problem, best, outliers)
+    own = np.concatenate([series.sd for series in measured])
+    quantities = np.array([series.quantity if series.statistic == "waveform" else "" for series in measured])
+    found = {}
+    for quantity, estimate in estimates.items():
+        noises = []
+        for one in estimate.alternatives:
+            series, shapes, _ = _noisy(problem, {quantity: one.noise}, outliers)
+            change = np.concatenate([new.sd for new in series]) ** 2 - own**2
+            change[quantities[problem.owner] != quantity] = 0.0
+            noises.append(PossibleNoise(one.log_prior, change, np.array(shapes).reshape(-1, problem.sd.size)))
+        found[quantity] = tuple(noises)
+    return found
 
 
 def _without(series: Measured, outliers: Sequence[Outlier]) -> Measured:

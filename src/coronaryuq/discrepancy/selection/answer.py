@@ -21,7 +21,7 @@ from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.cross_validation import linearise, of_all, posterior_of_all, unreached
+from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all, linearise, unreached
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import OUTSIDE
@@ -127,13 +127,13 @@ def answer(
     wiring = [placed for placed in hypothesis if not placed.effect.nameable]
     implausible = beyond(fit, hypothesis, RULE.implausible)
     constancies = constancy(problem, fit, hypothesis)
-    plain = posterior_of_all(*base, Hypothesis())
+    plain = evidence_of_all(*base, Hypothesis())
     nothing, named, device = np.log(RULE.prior_none) + plain.right, -np.inf, ""
     other = {ALONE: np.log(RULE.prior_outside) + plain.unknown}
     if hypothesis:
         model, lacking = linearise(problem, fit.z, hypothesis), unreached(problem, fit)
         prior = log_prior_of_errors(problem, hypothesis, log_priors, possible)
-        found = of_all(problem, model).lowered(lacking)
+        found = problem.all_data.evidence(model.at_zero, model.jacobian, lacking)
         right = prior + found.right
         other[REMAINDER] = prior + OUTSIDE + found.unknown
         other[VARYING] = right + OUTSIDE + VARIES + float(logsumexp([entry.log_odds for entry in constancies]))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
-from coronaryuq.discrepancy.inference.cross_validation import posterior_of_all
+from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Rounds, replaced, round_of
@@ -47,6 +47,6 @@ def confirm(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds) 
 def _evidence(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> float:
     """Return the log evidence of all data; -inf if the model does not run under the held-out conditions."""
     try:
-        return posterior_of_all(problem, fit, hypothesis).right
+        return evidence_of_all(problem, fit, hypothesis).right
     except FloatingPointError:
         return -np.inf

@@ -17,10 +17,10 @@ from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.cross_validation import Folds, Gaps, folds_of, gap, linearise, predictive_p
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
-from coronaryuq.discrepancy.inference.noise import Noise, estimated_noise, noise_text
+from coronaryuq.discrepancy.inference.noise import Noise, noise_estimates, noise_text
 from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.inference.read_problem import with_noise
+from coronaryuq.discrepancy.inference.read_problem import possible_noises, with_noise
 from coronaryuq.discrepancy.selection.answer import ALONE, OTHER, answer, beyond
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import Candidate, Rounds, all_candidates, best_of_effects
@@ -74,8 +74,10 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
         return search_without_confounder(_search, problem, seed, library, report)
     report("recalibrating, to see the noise")
     fit = problem.calibrate(PLAIN)
-    noise = estimated_noise(problem, fit.residual)
+    estimates = noise_estimates(problem, fit.residual)
+    noise = {quantity: estimate.noise for quantity, estimate in estimates.items() if estimate.noise is not None}
     known, outliers = with_observed_noise(problem, fit, noise, report)
+    known = replace(known, noises=possible_noises(problem, estimates, outliers))
     discovery = search_without_confounder(_search, known, seed, library, report)
     return replace(discovery, measured=measured, noise=noise, outliers=outliers)
 

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.cross_validation import Linear, of_all
+from coronaryuq.discrepancy.inference.cross_validation import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.measuring_chain import Chain
@@ -163,5 +163,6 @@ def _evidence(problem: Problem, model: Linear, hypothesis: Hypothesis, device: P
     residual, *moved = problem.whitened([(z, kept), *rows])
     shapes = (residual - np.array(moved)).reshape(len(responses), len(units), -1)
     without = Linear(z, residual, slopes)
-    found = [of_all(problem, without.extended(own.T)).right for own in shapes]
+    each = [without.extended(own.T) for own in shapes]
+    found = [problem.all_data.evidence(one.at_zero, one.jacobian).right for one in each]
     return float(logsumexp(found)) - np.log(len(found))

@@ -1,0 +1,214 @@
+"""Evidence of all data: of a model that is right within its own error, and of the model with something else missing.
+
+Two things are not known in it, and are averaged over: the noise of the waveforms, of which the scatter leaves several
+plausible, and where something else shows. It may be of one amplitude, as a fraction of each series' size, in all data,
+or in one quantity alone, as a flow that is diverted hardly changes pressures, or at one place alone, as an error of a
+probe; the three are equally likely. The last two are of waveforms and pullbacks: in single values alone, something else
+cannot be distinguished from a larger error.
+
+Blocks of data, one per measured place and quantity, have independent errors given the parameters of the model. So every
+block contributes a matrix of inner products under each noise and amplitude, and every combination is a sum of these.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import logsumexp
+
+from coronaryuq.discrepancy.inference import gp_discrepancy
+from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
+
+if TYPE_CHECKING:
+    from coronaryuq.discrepancy.inference.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class PossibleNoise:
+    """Noise of the waveforms of one quantity, beside the one that a problem has.
+
+    Attributes
+    ----------
+    log_prior
+        Up to a constant that all noises of the quantity share.
+    variance
+        Of its independent part less that of the problem's own noise: (N,), CGS.
+    shapes
+        Of its correlated part, each within one waveform, with standard normal weights: (k, N), CGS.
+    """
+
+    log_prior: float
+    variance: np.ndarray
+    shapes: np.ndarray
+
+
+class AllData:
+    """The data of a problem under each noise and amplitude, shared by all its models.
+
+    Parameters
+    ----------
+    problem
+        With `noises`.
+    features
+        Of the flexible discrepancy, see `gp_discrepancy.features`: (N, k).
+    """
+
+    def __init__(self, problem: "Problem", features: np.ndarray):
+        series, forward = problem.forward.measured, problem.forward
+        blocks = gp_discrepancy.blocks(problem)
+        quantities = np.array([one.quantity for one in series])[problem.owner]
+        own = [n.shape for n in forward.nuisances if n.noise and n.shape is not None]
+        shapes = np.zeros((0, len(problem.y))) if forward.shapes is None else forward.shapes[own]
+        stated = PossibleNoise(0.0, np.zeros(len(problem.y)), shapes)
+        self.names = list(dict.fromkeys(str(name) for name in quantities))
+        noises = {name: problem.noises.get(name, (stated,)) for name in self.names}
+        self.log_priors = {name: _normalised([one.log_prior for one in own]) for name, own in noises.items()}
+        self.others = [k for k, nuisance in enumerate(forward.nuisances) if nuisance.noise]
+        """Columns of a model's sensitivities that are weights of the problem's own noise."""
+        self.blocks = []
+        for number in np.unique(blocks):
+            rows = np.flatnonzero(blocks == number)
+            name = str(quantities[rows[0]])
+            seen = [_Seen.under(noise, rows, problem.sd[rows], features[rows]) for noise in noises[name]]
+            self.blocks.append((name, rows, seen))
+        several = np.array([one.value.size > 1 for one in series])[problem.owner]
+        shown = np.array([several[rows].any() for _, rows, _ in self.blocks])
+        quantities = np.array([[name == one for name, *_ in self.blocks] for one in self.names], dtype=bool) & shown
+        self.where = [quantities[quantities.any(axis=1)], np.eye(len(shown), dtype=bool)[shown]]
+        """Blocks (n, blocks) in which something else may be alone: of one quantity, and of one place."""
+
+    def evidence(self, at_zero: np.ndarray, jacobian: np.ndarray, lacking: float = 0.0) -> "Evidence":
+        """Weigh a linear model.
+
+        Parameters
+        ----------
+        at_zero, jacobian
+            Residual (N,) at z = 0 and sensitivities (N, p), whitened by the problem's own noise.
+        lacking
+            Nats by which the evidence is lower than that of the linear model.
+
+        Returns
+        -------
+        Evidence
+            Of the model, right or with something else.
+        """
+        vectors = np.column_stack([np.delete(jacobian, self.others, axis=1), at_zero])
+        products, determinants = [], []
+        for _, rows, seen in self.blocks:
+            each = [one.products(vectors[rows]) for one in seen]
+            products.append(np.array(each))
+            determinants.append(np.array([one.log_determinants for one in seen]))
+        return Evidence(self, products, determinants, lacking)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """One block under one noise.
+
+    whitening: of its vectors (n, n); directions: of the discrepancy in it (n, k); explained: fraction of the variance
+    along each that is the discrepancy's, by amplitude (T, k); log_determinants: of its covariance (T,).
+    """
+
+    whitening: np.ndarray
+    directions: np.ndarray
+    explained: np.ndarray
+    log_determinants: np.ndarray
+
+    @classmethod
+    def under(cls, noise: PossibleNoise, rows: np.ndarray, sd: np.ndarray, features: np.ndarray) -> "_Seen":
+        shapes = noise.shapes[:, rows] / sd
+        factor = np.linalg.cholesky(np.diag(1.0 + noise.variance[rows] / sd**2) + shapes.T @ shapes)
+        whitening = solve_triangular(factor, np.eye(len(rows)), lower=True)
+        whitened = whitening @ features
+        squares, directions = np.linalg.eigh(whitened @ whitened.T)
+        kept = squares > 1e-9 * max(float(squares[-1]), 1e-300)
+        spread = np.multiply.outer(AMPLITUDES**2, squares[kept])
+        determinants = 2.0 * np.log(np.diag(factor)).sum() + np.log1p(spread).sum(axis=1)
+        return cls(whitening, directions[:, kept], spread / (1.0 + spread), determinants)
+
+    def products(self, vectors: np.ndarray) -> np.ndarray:
+        """Return the inner products of vectors (n, m) with respect to the covariance of each amplitude: (T, m, m)."""
+        whitened = self.whitening @ vectors
+        parts = self.directions.T @ whitened
+        return whitened.T @ whitened - np.array([(parts.T * share) @ parts for share in self.explained])
+
+
+class Evidence:
+    """Log evidence of all data for one model, averaged over the noises, up to the constant of `gauss_newton`.
+
+    Parameters
+    ----------
+    data
+        The data.
+    products, determinants
+        Of each block: inner products (noises, T, m, m) of sensitivities and, last, residual, and log determinants
+        (noises, T) of the covariance.
+    lacking
+        See `AllData.evidence`.
+    """
+
+    def __init__(self, data: AllData, products: list[np.ndarray], determinants: list[np.ndarray], lacking: float):
+        self._data, self._products, self._determinants, self._lacking = data, products, determinants, lacking
+
+    @cached_property
+    def right(self) -> float:
+        """Of the model as right, within its own error."""
+        return self._averaged([self._common(noise, RIGHT) for noise in self._noises])
+
+    @cached_property
+    def unknown(self) -> float:
+        """Of the model together with something else."""
+        return self._averaged([self._anywhere(noise) for noise in self._noises])
+
+    @property
+    def _noises(self) -> list[dict[str, int]]:
+        priors = self._data.log_priors
+        return [dict(zip(priors, chosen, strict=True)) for chosen in product(*map(range, map(len, priors.values())))]
+
+    def _averaged(self, evidence: list[float]) -> float:
+        priors = [sum(self._data.log_priors[q][n] for q, n in noise.items()) for noise in self._noises]
+        return float(logsumexp(np.array(evidence) + priors)) - self._lacking
+
+    def _common(self, noise: dict[str, int], prior: np.ndarray) -> float:
+        """Return the evidence under one noise if all data have one amplitude, with a log prior (T,)."""
+        chosen = [noise[name] for name, *_ in self._data.blocks]
+        possible = np.isfinite(prior)
+        products = sum(own[n, possible] for own, n in zip(self._products, chosen, strict=True))
+        determinants = sum(own[n, possible] for own, n in zip(self._determinants, chosen, strict=True))
+        return float(logsumexp(_log_evidence(products, determinants) + prior[possible]))
+
+    def _anywhere(self, noise: dict[str, int]) -> float:
+        """Return the evidence of something else under one noise: in all data, one quantity, or at one place."""
+        chosen = [noise[name] for name, *_ in self._data.blocks]
+        products = np.array([own[n] for own, n in zip(self._products, chosen, strict=True)])
+        determinants = np.array([own[n] for own, n in zip(self._determinants, chosen, strict=True)])
+        forms = [self._common(noise, UNKNOWN)]
+        without, no_spread = products[:, 0].sum(axis=0), determinants[:, 0].sum()
+        possible = np.isfinite(UNKNOWN)
+        for where in self._data.where:
+            each = []
+            for inside in where:
+                moved = (products[inside][:, possible] - products[inside, :1]).sum(axis=0)
+                spread = (determinants[inside][:, possible] - determinants[inside, :1]).sum(axis=0)
+                each.append(logsumexp(_log_evidence(without + moved, no_spread + spread) + UNKNOWN[possible]))
+            if each:
+                forms.append(float(logsumexp(each)) - np.log(len(each)))
+        return float(logsumexp(forms)) - np.log(len(forms))
+
+
+def _log_evidence(products: np.ndarray, determinants: np.ndarray) -> np.ndarray:
+    """Return the log evidence (T,), parameters of standard normal prior integrated out.
+
+    The last pivot of a Cholesky factorisation is what the parameters leave of the residual.
+    """
+    prior = np.eye(products.shape[-1])
+    prior[-1, -1] = 0.0
+    pivots = np.diagonal(np.linalg.cholesky(products + prior), axis1=1, axis2=2)
+    return -0.5 * (2.0 * np.log(pivots[:, :-1]).sum(axis=1) + determinants + pivots[:, -1] ** 2)
+
+
+def _normalised(log_weights: list[float]) -> np.ndarray:
+    return np.array(log_weights) - logsumexp(log_weights)

@@ -1,0 +1,160 @@
+"""Evidence averaged over noises and places of something else: against dense covariances, and in whole searches."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from coronaryuq.bench.discrepancy.benchmark import NATURE
+from coronaryuq.bench.discrepancy.cases import Case
+from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.trial import analyse, hide
+from coronaryuq.discrepancy.forward.nuisance import Nuisance
+from coronaryuq.discrepancy.inference import gp_discrepancy
+from coronaryuq.discrepancy.inference.cross_validation import Linear, of_all
+from coronaryuq.discrepancy.inference.evidence import PossibleNoise
+from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
+from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER
+from support.series_problem import series_problem, waveform
+
+SAMPLES = 12
+PLACES = (("pressure", "a"), ("pressure", "b"), ("flow", "a"))
+ROWS = SAMPLES * len(PLACES)
+
+
+@pytest.fixture
+def problem():
+    """Three waveforms; a nuisance parameter, a shape that stays, and one of the noise of the flow that is assumed."""
+    random = np.random.default_rng(3)
+    time = (np.arange(SAMPLES) + 0.5) / SAMPLES * 0.8
+    series = [
+        replace(waveform(time, 0.8, location=place), quantity=quantity, value=random.normal(5.0, 2.0, SAMPLES))
+        for quantity, place in PLACES
+    ]
+    weights = [Nuisance("shape", 1.0, shape=0), Nuisance("noise", 1.0, shape=1, noise=True)]
+    found = series_problem(series, [Nuisance("parameter", 1.0), *weights])
+    shapes = random.normal(0.0, 1.0, (2, ROWS))
+    shapes[1, : 2 * SAMPLES] = 0.0
+    return replace(found, forward=replace(found.forward, shapes=shapes))
+
+
+@pytest.fixture
+def noises(problem):
+    """Two of the pressure, and three of the flow, of which the first is the one that is assumed."""
+    random = np.random.default_rng(5)
+
+    def noise(log_prior, count, rows):
+        variance, shapes = np.zeros(ROWS), np.zeros((count, ROWS))
+        variance[rows] = random.uniform(-0.5, 2.0, rows.stop - rows.start)
+        shapes[:, rows.stop - SAMPLES : rows.stop] = random.standard_normal((count, SAMPLES))
+        return PossibleNoise(log_prior, variance, shapes)
+
+    pressure, flow = slice(0, 2 * SAMPLES), slice(2 * SAMPLES, ROWS)
+    assumed = PossibleNoise(-0.3, np.zeros(ROWS), problem.forward.shapes[1:])
+    return {
+        "pressure": (noise(0.0, 0, pressure), noise(-1.0, 3, pressure)),
+        "flow": (assumed, noise(-0.4, 0, flow), noise(0.2, 2, flow)),
+    }
+
+
+def linear(problem) -> Linear:
+    random = np.random.default_rng(4)
+    shapes = (problem.forward.shapes / problem.sd).T
+    jacobian = np.column_stack([random.standard_normal(ROWS), shapes])
+    return Linear(np.array([0.3, -0.2, 0.5]), random.standard_normal(ROWS), jacobian)
+
+
+def density(problem, model: Linear, noise: tuple[PossibleNoise, ...], amplitudes: np.ndarray) -> float:
+    """Log density of the data under one noise, with an amplitude of something else in each row."""
+    sd = problem.sd
+    parts = [problem.forward.shapes[:1], model.jacobian[:, :1].T * sd, *(one.shapes for one in noise)]
+    parts.append((gp_discrepancy.features(problem) * (sd * amplitudes)[:, None]).T)
+    variance = sd**2 + sum(one.variance for one in noise)
+    covariance = np.diag(variance) + sum(part.T @ part for part in parts)
+    return float(multivariate_normal.logpdf(model.at_zero * sd, cov=covariance))
+
+
+def averaged(problem, noises, of_one) -> float:
+    """Log mean over all pairs of noises of a log density."""
+    pairs = list(product(noises["pressure"], noises["flow"]))
+    priors = np.array([pressure.log_prior + flow.log_prior for pressure, flow in pairs])
+    return float(logsumexp(priors - logsumexp(priors) + [of_one(pair) for pair in pairs]))
+
+
+def test_the_evidence_is_the_mean_of_the_densities_of_the_data(problem, noises):
+    model = linear(problem)
+    of_own = density(problem, model, noises["flow"][:1], np.zeros(ROWS))
+    constant = float(of_all(problem, model).log_evidence[0]) - of_own
+    found = replace(problem, noises=noises).all_data.evidence(model.at_zero, model.jacobian, 2.5)
+
+    def in_rows(rows: np.ndarray, prior: np.ndarray, pair) -> float:
+        return float(logsumexp(prior + [density(problem, model, pair, a * rows) for a in AMPLITUDES]))
+
+    everywhere = np.ones(ROWS)
+    right = averaged(problem, noises, lambda pair: in_rows(everywhere, RIGHT, pair))
+    assert found.right == pytest.approx(right + constant - 2.5, abs=1e-7)
+    place = np.repeat(np.arange(len(PLACES)), SAMPLES)
+    quantities = [place < 2, place == 2]
+    places = [place == number for number in range(len(PLACES))]
+
+    def anywhere(pair) -> float:
+        forms = [[in_rows(1.0 * rows, UNKNOWN, pair) for rows in form] for form in ([everywhere], quantities, places)]
+        return float(logsumexp([logsumexp(form) - np.log(len(form)) for form in forms]) - np.log(3.0))
+
+    assert found.unknown == pytest.approx(averaged(problem, noises, anywhere) + constant - 2.5, abs=1e-7)
+
+
+def test_without_other_noises_a_right_model_has_the_evidence_of_its_posterior(problem):
+    model = linear(problem)
+    posterior = of_all(problem, model)
+    assert problem.all_data.evidence(model.at_zero, model.jacobian).right == pytest.approx(posterior.right, abs=1e-9)
+
+
+def test_something_else_in_single_values_alone_is_no_larger_error_of_them(problem):
+    """With one waveform and a mean, something else is in both or in the waveform alone, which is its quantity, too."""
+    series = [problem.forward.measured[0], replace(problem.forward.measured[2], statistic="mean", value=np.array([3.0]),
+                                                   sd=np.array([1.0]), time=None)]  # fmt: skip
+    small = series_problem(series, [Nuisance("parameter", 1.0)])
+    random = np.random.default_rng(6)
+    at_zero, jacobian = random.standard_normal(SAMPLES + 1), random.standard_normal((SAMPLES + 1, 1))
+    found = small.all_data.evidence(at_zero, jacobian).unknown
+    features = gp_discrepancy.features(small)
+
+    def in_rows(rows: np.ndarray) -> float:
+        covariances = [
+            np.eye(SAMPLES + 1)
+            + jacobian @ jacobian.T
+            + (a * rows[:, None] * features) @ (a * rows[:, None] * features).T
+            for a in AMPLITUDES
+        ]
+        densities = [multivariate_normal.logpdf(at_zero, cov=covariance) for covariance in covariances]
+        return float(logsumexp(UNKNOWN + densities))
+
+    both, one = in_rows(np.ones(SAMPLES + 1)), in_rows(np.r_[np.ones(SAMPLES), 0.0])
+    constant = 0.5 * (SAMPLES + 1) * np.log(2.0 * np.pi)
+    assert found == pytest.approx(logsumexp([both, one, one]) - np.log(3.0) + constant, abs=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [7000, 10001, 42009])
+def test_noise_that_lasts_longer_than_it_seems_is_not_something_else(tmp_path, seed):
+    """Standard deviations are understated by 0.7, noise has a lag-one correlation of 0.5, vessels and beds are off."""
+    hide(Case((), "none", "violated", seed), open_loop(), tmp_path, NATURE)
+    assert analyse(tmp_path).answer.given == NOTHING
+
+
+@pytest.mark.slow
+def test_an_effect_is_named_where_noise_lasts_longer_than_it_seems(tmp_path):
+    truth, _ = hide(Case(("intramyocardial_pressure",), "medium", "violated", 813), open_loop(), tmp_path, NATURE)
+    found = analyse(tmp_path)
+    assert found.answer.given == NAMES and list(found.hypothesis) == list(truth.hypothesis)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", ["channel_crosstalk", "quantised_recording"])
+def test_something_else_at_one_place_is_seen_among_the_undisturbed(tmp_path, effect):
+    hide(Case((), "medium", "nominal", 5000, effect), open_loop(), tmp_path, NATURE)
+    assert analyse(tmp_path).answer.probabilities[OTHER] > 0.95
