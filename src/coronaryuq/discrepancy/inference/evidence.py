@@ -10,9 +10,9 @@ Blocks of data, one per measured place and quantity, have independent errors giv
 block contributes a matrix of inner products under each noise and amplitude, and every combination is a sum of these.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,7 +65,9 @@ class AllData:
         stated = PossibleNoise(0.0, np.zeros(len(problem.y)), shapes)
         self.names = list(dict.fromkeys(str(name) for name in quantities))
         noises = {name: problem.noises.get(name, (stated,)) for name in self.names}
-        self.log_priors = {name: _normalised([one.log_prior for one in own]) for name, own in noises.items()}
+        axes = np.ix_(*(_normalised([one.log_prior for one in noises[name]]) for name in self.names))
+        self.log_priors = np.asarray(sum(axes))
+        """Of every combination of the quantities' noises."""
         self.others = [k for k, nuisance in enumerate(forward.nuisances) if nuisance.noise]
         """Columns of a model's sensitivities that are weights of the problem's own noise."""
         self.blocks = []
@@ -77,8 +79,9 @@ class AllData:
         several = np.array([one.value.size > 1 for one in series])[problem.owner]
         shown = np.array([several[rows].any() for _, rows, _ in self.blocks])
         quantities = np.array([[name == one for name, *_ in self.blocks] for one in self.names], dtype=bool) & shown
-        self.where = [quantities[quantities.any(axis=1)], np.eye(len(shown), dtype=bool)[shown]]
-        """Blocks (n, blocks) in which something else may be alone: of one quantity, and of one place."""
+        everywhere = np.ones((1, len(shown)), dtype=bool)
+        self.where = [everywhere, quantities[quantities.any(axis=1)], np.eye(len(shown), dtype=bool)[shown]]
+        """Blocks (n, blocks) in which something else may be: all of them, those of one quantity, or one."""
 
     def evidence(self, at_zero: np.ndarray, jacobian: np.ndarray, lacking: float = 0.0) -> "Evidence":
         """Weigh a linear model.
@@ -156,58 +159,49 @@ class Evidence:
     @cached_property
     def right(self) -> float:
         """Of the model as right, within its own error."""
-        return self._averaged([self._common(noise, RIGHT) for noise in self._noises])
+        return self._averaged([np.ones(len(self._products), dtype=bool)], RIGHT)
 
     @cached_property
     def unknown(self) -> float:
         """Of the model together with something else."""
-        return self._averaged([self._anywhere(noise) for noise in self._noises])
-
-    @property
-    def _noises(self) -> list[dict[str, int]]:
-        priors = self._data.log_priors
-        return [dict(zip(priors, chosen, strict=True)) for chosen in product(*map(range, map(len, priors.values())))]
-
-    def _averaged(self, evidence: list[float]) -> float:
-        priors = [sum(self._data.log_priors[q][n] for q, n in noise.items()) for noise in self._noises]
-        return float(logsumexp(np.array(evidence) + priors)) - self._lacking
-
-    def _common(self, noise: dict[str, int], prior: np.ndarray) -> float:
-        """Return the evidence under one noise if all data have one amplitude, with a log prior (T,)."""
-        chosen = [noise[name] for name, *_ in self._data.blocks]
-        possible = np.isfinite(prior)
-        products = sum(own[n, possible] for own, n in zip(self._products, chosen, strict=True))
-        determinants = sum(own[n, possible] for own, n in zip(self._determinants, chosen, strict=True))
-        return float(logsumexp(_log_evidence(products, determinants) + prior[possible]))
-
-    def _anywhere(self, noise: dict[str, int]) -> float:
-        """Return the evidence of something else under one noise: in all data, one quantity, or at one place."""
-        chosen = [noise[name] for name, *_ in self._data.blocks]
-        products = np.array([own[n] for own, n in zip(self._products, chosen, strict=True)])
-        determinants = np.array([own[n] for own, n in zip(self._determinants, chosen, strict=True)])
-        forms = [self._common(noise, UNKNOWN)]
-        without, no_spread = products[:, 0].sum(axis=0), determinants[:, 0].sum()
-        possible = np.isfinite(UNKNOWN)
-        for where in self._data.where:
-            each = []
-            for inside in where:
-                moved = (products[inside][:, possible] - products[inside, :1]).sum(axis=0)
-                spread = (determinants[inside][:, possible] - determinants[inside, :1]).sum(axis=0)
-                each.append(logsumexp(_log_evidence(without + moved, no_spread + spread) + UNKNOWN[possible]))
-            if each:
-                forms.append(float(logsumexp(each)) - np.log(len(each)))
+        forms = [self._averaged(where, UNKNOWN) for where in self._data.where if len(where)]
         return float(logsumexp(forms)) - np.log(len(forms))
+
+    def _averaged(self, where: Sequence[np.ndarray], prior: np.ndarray) -> float:
+        """Return the evidence with an amplitude in some blocks, and none in the others.
+
+        where: these blocks (blocks,), of each of several equally likely places; prior: log prior of amplitudes (T,).
+        """
+        possible = np.flatnonzero(np.isfinite(prior))
+        found = []
+        for inside in where:
+            amplitudes = [possible if here else np.zeros_like(possible) for here in inside]
+            evidence = _log_evidence(
+                self._summed(self._products, amplitudes), self._summed(self._determinants, amplitudes)
+            )
+            found.append(logsumexp(evidence + prior[possible] + self._data.log_priors[..., None]))
+        return float(logsumexp(found)) - np.log(len(found)) - self._lacking
+
+    def _summed(self, parts: list[np.ndarray], amplitudes: list[np.ndarray]) -> np.ndarray:
+        """Return the sum of parts of the blocks (noises, T, ...) under every combination of the quantities' noises."""
+        names = self._data.names
+        total: np.ndarray | float = 0.0
+        for (name, *_), part, chosen in zip(self._data.blocks, parts, amplitudes, strict=True):
+            own = part[:, chosen]
+            axes = [len(own) if one == name else 1 for one in names]
+            total = total + own.reshape(*axes, *own.shape[1:])
+        return np.asarray(total)
 
 
 def _log_evidence(products: np.ndarray, determinants: np.ndarray) -> np.ndarray:
-    """Return the log evidence (T,), parameters of standard normal prior integrated out.
+    """Return the log evidence, parameters of standard normal prior integrated out.
 
     The last pivot of a Cholesky factorisation is what the parameters leave of the residual.
     """
     prior = np.eye(products.shape[-1])
     prior[-1, -1] = 0.0
-    pivots = np.diagonal(np.linalg.cholesky(products + prior), axis1=1, axis2=2)
-    return -0.5 * (2.0 * np.log(pivots[:, :-1]).sum(axis=1) + determinants + pivots[:, -1] ** 2)
+    pivots = np.diagonal(np.linalg.cholesky(products + prior), axis1=-2, axis2=-1)
+    return -0.5 * (2.0 * np.log(pivots[..., :-1]).sum(axis=-1) + determinants + pivots[..., -1] ** 2)
 
 
 def _normalised(log_weights: list[float]) -> np.ndarray:
