@@ -17,10 +17,11 @@ from coronaryuq.discrepancy.inference.noise import (
     HARMONICS,
     Noise,
     estimated_noise,
+    noise_estimates,
     white_and_correlated,
     with_correlated,
 )
-from coronaryuq.discrepancy.inference.read_problem import read_problem
+from coronaryuq.discrepancy.inference.read_problem import possible_noises, read_problem
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
 from coronaryuq.discrepancy.selection.answer import OTHER
@@ -90,6 +91,27 @@ def test_the_size_of_larger_noise_is_estimated():
     factors = np.array([one.scale for one in found if one.correlation_time == 0.0])
     assert len(factors) >= 43, "correlated in no more than one of ten, and 1.6 standard errors"
     assert abs(factors.mean() - 2.0) < 4.0 * factors.std() / np.sqrt(50) + 0.03
+
+
+@given(st.integers(0, 99), st.floats(0.1, 3.0))
+def test_no_noise_smaller_than_stated_is_possible_unless_it_is_the_most_probable(seed, scale):
+    """Standard deviations that are overstated are kept, as the answer then warns of them."""
+    noise = scale * np.random.default_rng(seed).standard_normal((SERIES, SAMPLES))
+    estimate = noise_estimates(*case(noise))["flow"]
+    possible = [one.noise for one in estimate.alternatives]
+    assert Noise(1.0) in possible and (estimate.noise is None or estimate.noise in possible)
+    assert all(one.scale >= 1.0 or one == estimate.noise for one in possible)
+
+
+def test_waveforms_too_short_to_scatter_have_the_stated_noise():
+    """Their mean leaves one number of two samples."""
+    time = np.array([0.1, 0.5])
+    problem = series_problem([waveform(time, PERIOD)], [])
+    estimates = noise_estimates(problem, np.ones(2))
+    assert not estimates["flow"].alternatives and possible_noises(problem, estimates, []) == {}
+    at_zero, jacobian = np.ones(2), np.zeros((2, 0))
+    with_noises = replace(problem, noises=possible_noises(problem, estimates, []))
+    assert np.isfinite(with_noises.all_data.evidence(at_zero, jacobian).unknown)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.5])

@@ -56,7 +56,8 @@ class Alternative:
 class Estimate:
     """Noise of the waveforms of one quantity by their scatter.
 
-    noise: the most probable one, None for the stated one. alternatives: all, with the scale that the scatter shows.
+    noise: the most probable one, None for the stated one. alternatives: all, with the scale that the scatter shows;
+    smaller ones than stated only if most probable, none without scatter.
     """
 
     noise: Noise | None
@@ -154,8 +155,11 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     if stated >= max(white, correlated) or (white > correlated and squares[0] < 1.0):
         noise = None
     priors = by_scale + np.log([OTHER] + [CORRELATED / len(CORRELATIONS)] * len(CORRELATIONS))
-    first = 0 if squares[0] >= 1.0 else 1
-    others = [Alternative(one, float(prior)) for one, prior in zip(each[first:], priors[first:], strict=True)]
+    others = [
+        Alternative(one, float(prior))
+        for one, prior in zip(each, priors, strict=True)
+        if one.scale >= 1.0 or one == noise
+    ]
     return Estimate(noise, (Alternative(Noise(1.0), float(np.log(AS_STATED))), *others))
 
 

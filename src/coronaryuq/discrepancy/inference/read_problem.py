@@ -279,7 +279,8 @@ def possible_noises(
             change = np.concatenate([new.sd for new in series]) ** 2 - own**2
             change[quantities[problem.owner] != quantity] = 0.0
             noises.append(PossibleNoise(one.log_prior, change, np.array(shapes).reshape(-1, problem.sd.size)))
-        found[quantity] = tuple(noises)
+        if noises:
+            found[quantity] = tuple(noises)
     return found
 
 
