@@ -93,12 +93,16 @@ def test_a_draw_that_closes_the_lumen_is_refused(narrowed):
 
 def test_increments_keep_a_draw_that_one_displacement_spoils():
     steep = morph_of(uncertain(LumenError(unit="mm", common_sd=0.0, local_sd=0.3, length=1.0, narrow=3.0), 4, False))
-    gentle, hard = (steep({"lumen_LAD_2": z}) for z in (1.0, 3.0))
-    assert "increments" not in gentle.quality and hard.quality["increments"] == INCREMENTS
+    assert "increments" not in steep({"lumen_LAD_2": 1.0}).quality
+    # From which draw on one displacement spoils the mesh depends on the mesh, whose last digits differ by processor.
+    z, hard = next(
+        (z, one) for z in np.arange(2.5, 5.0, 0.25) if "increments" in (one := steep({"lumen_LAD_2": z})).quality
+    )
+    assert hard.quality["increments"] == INCREMENTS
     assert hard.quality["dihedral_min"] > FLATTEST
     # The surface is where one displacement puts it.
     at = np.unique(quality.boundary(steep.domain.tets)[0])
-    shift = steep._surface_shift({"lumen_LAD_2": 3.0})
+    shift = steep._surface_shift({"lumen_LAD_2": z})
     np.testing.assert_allclose(hard.points[at], (steep.domain.points + shift)[at], rtol=0, atol=1e-12)
 
 
