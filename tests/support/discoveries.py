@@ -29,7 +29,7 @@ def discovery(
     problem = linear_problem(np.zeros((2, 0)), {}, np.zeros(2), ["rest", "pacing"], ["pacing"])
     z = np.array(list(sizes.values()), dtype=float)
     fit = Fit(z, np.array([np.sqrt(max(-2.0 * evidence - z @ z, 0.0))]), np.zeros((1, len(z))))
-    candidates = [Candidate(one, log_prior, fit=fit) for one in placed]
+    candidates = [Candidate(one, log_prior, fit=fit, share=1.0) for one in placed]
     located = Located(1e-9, {}, [], [])
     return Discovery(
         base_problem=problem,
@@ -40,7 +40,7 @@ def discovery(
         located=located,
         alarm=True,
         remaining=located,
-        rounds=tuple(Round([c], {}, c, [c]) for c in candidates),
+        rounds=tuple(Round([c], c, [c]) for c in candidates),
         gaps=Gaps(gap(0.0), gap(0.0), gap(0.0), gap(0.0)),
         answer=Answer(
             probabilities={NAMES: probability, NOTHING: 0.0, OTHER: 1.0 - probability},

@@ -186,9 +186,8 @@ def _against_measured(frame: pd.DataFrame, output: str | Path) -> None:
 def ranking(
     table: str | Path, output: str | Path, case: str | Path | None = None, tree: str | Path | None = None
 ) -> None:
-    """Draw the candidates of each round with their probability; the accepted one coloured."""
-    frame = read_csv(table, ("round", "effect", "place", "probability", "accepted"))
-    frame, in_words = frame[frame.effect != "outside the library"], words_of(case, tree)
+    """Draw the probabilities of each round's candidates, the accepted one coloured, and of the other answers."""
+    frame, in_words = read_csv(table, ("round", "effect", "place", "probability", "accepted")), words_of(case, tree)
     rounds = sorted(frame["round"].unique()) or [1]
     with saved(output, ncols=len(rounds), figsize=(4.2 * len(rounds), 3.0), squeeze=False) as (_, axes):
         for axis, number in zip(axes.flat, rounds, strict=True):
@@ -201,7 +200,7 @@ def ranking(
             axis.barh(range(len(part)), part.probability, color=colours)
             axis.set_yticks(range(len(part)), names, fontsize=6)
             axis.set_xlim(0, 1)
-            axis.set_xlabel("probability, given the library")
+            axis.set_xlabel("probability")
             axis.set_title(f"round {number}")
 
 

@@ -154,7 +154,7 @@ SEARCHES = {
     ),
     "ranking": Caption(
         "Candidates",
-        "Candidates of each round of the search and their probabilities, given the library.",
+        "Probabilities of the answers: a name, by the candidates of each round of the search; something else; nothing.",
         "One bar near 1.",
         "Several bars of a similar length.",
         "Take the measurement that distinguishes them, if the table names one.",

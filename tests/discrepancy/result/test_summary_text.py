@@ -4,9 +4,9 @@ from coronaryuq.discrepancy.result import summary_text
 from coronaryuq.discrepancy.selection.answer import NAMES, OTHER, UNLISTED
 
 
-def test_the_device_of_an_unlisted_response_is_told():
+def told(form):
+    """What the paragraph says of two errors of one device if the answer is something else."""
     best = [{"effect": name, "place": "a:b", "implausible": False} for name in ("pressure_low_pass", "pressure_delay")]
-    form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": UNLISTED, "device": "pressure at a:b"}
     gaps = {"before": {"misfit": 1.9}, "after": {"misfit": 1.1}, "scheme": "declared", "conditions": ["x"]}
     answer = {
         "held_out": gaps,
@@ -14,9 +14,22 @@ def test_the_device_of_an_unlisted_response_is_told():
         "facts": {"best": best, "answer": form},
         "held_out_conditions": ["x"],
     }
-    text = summary_text._outside_library(answer, ["x"])
-    assert text.startswith(
+    return summary_text._outside_library(answer, ["x"])
+
+
+def test_the_device_of_an_unlisted_response_is_told():
+    form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": UNLISTED, "device": "pressure at a:b"}
+    assert told(form).startswith(
         "Something other than an effect of the library is missing (probability 0.98): the best candidates are pressure "
         "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
         "of a shape that the library does not list, is likelier. No effect is named. "
+    )
+
+
+def test_a_name_that_is_not_probable_enough_is_told_with_its_probability():
+    """Not that something else is missing, which is less probable."""
+    form = {"probabilities": {NAMES: 0.78, OTHER: 0.22}, "leading_form": UNLISTED, "device": "pressure at a:b"}
+    assert told(form).startswith(
+        "No effect is named: pressure low pass at a:b and pressure delay at a:b are what is missing with probability "
+        "0.78, and effects are named from 0.80 on; it is something else with probability 0.22. "
     )

@@ -7,6 +7,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference import gp_discrepancy
+from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all
 from coronaryuq.discrepancy.inference.evidence import AllData
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
 from coronaryuq.discrepancy.selection.answer import ALONE, NAMES, NOTHING, OTHER, REMAINDER, VARYING, answer
@@ -43,7 +44,7 @@ def weighed(problem, effect=FOUND):
     problem.__dict__["all_data"] = AllData(problem, features)
     hypothesis = assume(effect)
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
-    return answer(problem, (problem, base), fit, hypothesis, [PRIOR], POSSIBLE)
+    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [PRIOR], POSSIBLE)
 
 
 def test_probabilities_add_up():

@@ -38,7 +38,7 @@ class Case:
     def rounds(self, names, z_score=10.0):
         candidates = [Candidate(placed, PRIOR, z_score=z_score, guess=1.0) for placed in self.placed.values()]
         by_name = {candidate.effect.name: candidate for candidate in candidates}
-        return tuple(Round([], {}, by_name[name], [by_name[name]], candidates) for name in names)
+        return tuple(Round([], by_name[name], [by_name[name]], candidates) for name in names)
 
     def hypothesis(self, names):
         return assume(*(self.placed[name] for name in names))
@@ -56,8 +56,8 @@ def test_after_a_replacement_the_effect_that_is_no_longer_needed_goes():
     assert [entry.accepted.effect.name for entry in rounds] == ["c", "b"]
     replaced = rounds[0]
     assert replaced.accepted is replaced.shortlist[0] and replaced.shortlist[1].effect.name == "a"
-    assert replaced.accepted.probability > 100.0 * replaced.shortlist[1].probability
-    assert sum(c.probability for c in replaced.shortlist) + sum(replaced.probabilities.values()) == pytest.approx(1.0)
+    assert replaced.accepted.share > 100.0 * replaced.shortlist[1].share
+    assert sum(c.share for c in replaced.shortlist) == pytest.approx(1.0)
 
     hypothesis, fit, rounds = backward_step(problem, hypothesis, fit, rounds)
     assert names(hypothesis) == ["c"]

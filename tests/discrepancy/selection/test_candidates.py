@@ -41,7 +41,7 @@ def test_places_that_share_the_prior_of_one_have_its_odds_together():
     for count in (2, 3, 40):
         places = [candidate(-10.0, -np.log(count)) for _ in range(count)]
         assert class_log_weight(places[0], places) == pytest.approx(class_log_weight(alone, [alone]))
-        named = Round(places, {}, places[0], places)
+        named = Round(places, places[0], places)
         assert named.class_log_prior == pytest.approx(0.0, abs=1e-12)
 
 

@@ -34,7 +34,7 @@ def checked(problem):
     hypothesis = assume(FIRST, LATER)
     fit = problem.calibrate(hypothesis)
     candidates = [Candidate(placed, PRIOR, fit=fit) for placed in hypothesis]
-    rounds = tuple(Round([], {}, candidate, [candidate]) for candidate in candidates)
+    rounds = tuple(Round([], candidate, [candidate]) for candidate in candidates)
     kept, refit, rounds = confirm(problem, hypothesis, fit, rounds)
     assert len(refit.z) == NUISANCES + len(kept)
     return list(kept), rounds

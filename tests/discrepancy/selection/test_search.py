@@ -6,14 +6,22 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from coronaryuq.bench.discrepancy.benchmark import NATURE
+from coronaryuq.bench.discrepancy.cases import Case
+from coronaryuq.bench.discrepancy.hidden_cases import closed_loop
+from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
+from coronaryuq.discrepancy.result.summary_text import paragraph
+from coronaryuq.discrepancy.result.write import summary
+from coronaryuq.discrepancy.selection.answer import OTHER
 from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.search import evidence_p_value, recalibrate, search_without_confounder
 from support.discoveries import discovery
 from support.hypotheses import assume
 from support.linear_problem import LinearProblem, here, linear_problem, made_up
+from support.small_loop import loop
 
 ROWS, NUISANCES, EFFECTS = 60, 3, 12
 
@@ -103,3 +111,13 @@ def test_other_effects_need_no_second_search(sizes):
     first = discovery(sizes, evidence=-10.0)
     stands, left_out = searched(first, discovery({LOSS: 1.0}, evidence=-1.0))
     assert stands is first and not left_out
+
+
+@pytest.mark.slow
+def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_path):
+    """Pressure that leaks into a flow channel shows in all data together, but in no test of the fitted ones."""
+    hide(Case((), "medium", "nominal", 20002, "channel_crosstalk"), closed_loop(loop()), tmp_path, NATURE)
+    found = analyse(tmp_path)
+    assert not found.alarm and found.answer.probabilities[OTHER] > 0.9
+    assert found.answer.given == OTHER and not found.consistent
+    assert "finds no misfit" in paragraph(summary(found))

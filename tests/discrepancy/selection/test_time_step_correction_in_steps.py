@@ -45,14 +45,13 @@ def test_a_candidate_is_compared_with_the_time_steps_corrected_at_its_own_fit():
         Candidate(placed, -1.0, z_score=9.0, guess=1.0, fit=problem.calibrate(assume(placed)))
         for placed in (NEIGHBOUR, RIGHT)
     ]
-    first = Round(sorted(both, key=lambda c: -c.log_weight), {}, both[0], [both[0]], both)
+    first = Round(sorted(both, key=lambda c: -c.log_weight), both[0], [both[0]], both)
     assert 0.0 < both[0].log_weight - both[1].log_weight < RULE.contender_gap
     _, hypothesis, fit, decided = compare_again(problem, problem, first, PLAIN, both[0].fit)
     assert hypothesis == assume(RIGHT) and fit is decided.accepted.fit
     assert decided.accepted.placed == RIGHT
-    assert decided.accepted.probability > 100.0 * decided.shortlist[1].probability
+    assert decided.accepted.share > 100.0 * decided.shortlist[1].share
     assert [c.placed for c in decided.members] == [RIGHT]
-    assert decided.probabilities["none"] < 1e-6
 
 
 def test_an_effect_that_the_time_steps_caused_is_given_up_again():
@@ -73,11 +72,11 @@ def test_an_effect_that_the_time_steps_caused_is_given_up_again():
     problem = linear_problem(design, problem_with, 2.0 * ringing + 2.0 * besides, kind=Rung)
     hypothesis = assume(OTHER, RIGHT)
     named = Candidate(RIGHT, -1.0, z_score=9.0, guess=1.0, fit=problem.calibrate(hypothesis))
-    current = Round([named], {}, named, [named], [named], others=assume(NEIGHBOUR, OTHER))
+    current = Round([named], named, [named], [named], others=assume(NEIGHBOUR, OTHER))
     assert named.log_weight - problem.calibrate(assume(OTHER)).evidence > problem.settings.min_log_odds
     after, fit = problem.corrected(hypothesis, named.fit)
     plain, kept, without, decided = compare_again(problem, after, current, assume(OTHER), fit)
-    assert kept == assume(OTHER) and decided.accepted is None and decided.probabilities["none"] > 0.5
+    assert kept == assume(OTHER) and decided.accepted is None
     assert plain.change == pytest.approx(0.0) and len(without.z) == NUISANCES + 1
 
 

@@ -11,7 +11,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference import gp_discrepancy
-from coronaryuq.discrepancy.inference.cross_validation import linearise
+from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all, linearise
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.answer import NAMES, OTHER, UNLISTED, answer
@@ -73,7 +73,7 @@ def weighed(problem, *effects):
     hypothesis = assume(*effects)
     start = np.zeros(1 + len(effects))
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis, start)
-    return answer(problem, (problem, base), fit, hypothesis, [LISTED] * len(effects), LIBRARY)
+    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [LISTED] * len(effects), LIBRARY)
 
 
 def low_pass(tau):

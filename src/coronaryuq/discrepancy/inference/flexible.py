@@ -73,11 +73,6 @@ class Posterior:
         return float(logsumexp(self.log_evidence + RIGHT))
 
     @property
-    def unknown(self) -> float:
-        """Log evidence of the model together with something else."""
-        return float(logsumexp(self.log_evidence + UNKNOWN))
-
-    @property
     def amplitude(self) -> float:
         """Most probable amplitude of something else."""
         return float(AMPLITUDES[int(np.argmax(self.log_evidence + UNKNOWN))])

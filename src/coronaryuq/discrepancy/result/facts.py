@@ -6,8 +6,6 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
-from coronaryuq.discrepancy.selection.answer import NOTHING
-from coronaryuq.discrepancy.selection.candidates import Rounds
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -26,8 +24,8 @@ def facts(discovery: Discovery) -> dict:
     dict
         measurements, objective: number of fitted measurements and sum of squares of the recalibrated model.
         noise_excess: see the function. worst: the group with the largest misfit. best: the effects of the best
-        hypothesis, named or not. answer: the answer given, and the probabilities of all. likeliest: the most probable
-        candidate of the first round, if it is more probable than no effect. unexplained: whether a misfit remains.
+        hypothesis, named or not. answer: the answer given, and the probabilities of all. unexplained: whether
+        a misfit remains.
     """
     problem, located, answer = discovery.problem, discovery.located, discovery.answer
     level, count, objective = problem.settings.alarm_level, len(discovery.base.residual), discovery.base.objective
@@ -39,14 +37,13 @@ def facts(discovery: Discovery) -> dict:
         "worst": worst[0] if worst else None,
         "best": [_described(discovery, placed) for placed in discovery.hypothesis],
         "answer": {
-            "given": NOTHING if discovery.consistent else answer.given,
+            "given": answer.given,
             "probabilities": answer.probabilities,
             "forms_of_something_else": answer.forms,
             "leading_form": answer.leading_form,
             "device": answer.device,
             "support_nats": answer.support,
         },
-        "likeliest": likeliest(discovery.rounds),
         "unexplained": bool(discovery.remaining.alarm(level)),
     }
 
@@ -110,17 +107,6 @@ def _size_label(placed: PlacedEffect, parameter: Parameter, anatomy: Anatomy) ->
     """Return a short name of a size: the parameter's, unless the effect describes it differently in this network."""
     meaning, _ = placed.effect.describe(parameter, float(parameter.from_standard(0.0)), anatomy)
     return parameter.name.replace("_", " ") if meaning == parameter.meaning else meaning
-
-
-def likeliest(rounds: Rounds) -> dict | None:
-    """Return the most probable candidate of the first round if it is more probable than no effect."""
-    tried = [entry for entry in rounds[:1] if entry.shortlist]
-    if not tried:
-        return None
-    best = max(tried[0].shortlist, key=lambda c: c.probability)
-    if best.probability <= tried[0].probabilities["none"]:
-        return None
-    return {"effect": best.effect.name, "place": best.place, "probability": float(best.probability)}
 
 
 def noise_excess(located: Located, mean_square: float, level: float) -> float | None:

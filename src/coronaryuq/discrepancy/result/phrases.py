@@ -67,14 +67,6 @@ def overstated_sd_warning(objective: float, count: int) -> str:
     )
 
 
-def nearest_text(candidate: Mapping | None) -> str:
-    """Name the most probable candidate of the first round, if there is any."""
-    if candidate is None:
-        return ""
-    probability = f"probability {candidate['probability']:.2f}, too low to be named"
-    return f"; the best candidate is {label_text(candidate)} ({probability})"
-
-
 def prediction_warning(p: float, held_out: list[str]) -> str:
     """Warn that a model which agrees with the fitted data does not predict the held-out data, if so."""
     if p >= UNPREDICTED:

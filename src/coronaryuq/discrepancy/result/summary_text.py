@@ -18,7 +18,6 @@ from coronaryuq.discrepancy.result.phrases import (
     label_text,
     listed,
     misfit_change,
-    nearest_text,
     next_measurement_text,
     noise_notes,
     outlier_notes,
@@ -70,6 +69,9 @@ def paragraph(answer: Mapping) -> str:
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can explain "
         f"(global test {p_text(p)}), most strongly in the {worst['quantity']} at {worst['location']} "
         f"under {worst['condition']}. "
+        if answer["alarm"]
+        else f"The global test of the {count} fitted measurements finds no misfit ({p_text(p)}), but all data together "
+        "are more probable if something is missing. "
     )
     text += conflict_text("Recalibration has to move", answer["prior_conflicts"])
     excess = facts["noise_excess"]
@@ -80,8 +82,6 @@ def paragraph(answer: Mapping) -> str:
         )
     if answer["outside_library"]:
         return text + _outside_library(answer, held_out) + _source(answer["unknown_source"])
-    if not answer["named"]:
-        text += f"No effect of the library explains this well enough to be named{nearest_text(facts['likeliest'])}. "
     for number, effect in enumerate(answer["named"]):
         text += "The best explanation is " if number == 0 else "A further effect is "
         text += _named_effect(effect, facts["best"])
@@ -102,7 +102,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     start = f"Something other than an effect of the library is missing (probability {certainty:.2f})"
     if not best:
         return f"{start}: {_shape_text(gaps)}"
-    labels = listed([label_text(effect) for effect in best])
+    named, labels = forms["probabilities"][NAMES], listed([label_text(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (
         f"With {'it' if one else 'them'}, the misfit on {_held_out_text(answer)} "
@@ -124,6 +124,12 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"{candidate} {'is' if one else 'are'} {labels}, but with an implausibly large size, more than "
             f"{RULE.implausible:.0f} standard deviations of its prior: {sizes}. No effect is named. {change}"
         )
+    elif named > certainty:
+        return (
+            f"No effect is named: {labels} {'is' if one else 'are'} what is missing with probability {named:.2f}, and "
+            f"effects are named from {RULE.named_from:.2f} on; it is something else with probability {certainty:.2f}. "
+            f"{change}"
+        )
     elif forms["leading_form"] == REROUTED:
         places = " and ".join(effect["place"] for effect in best if effect["effect"] == PROBE)
         reason = (
@@ -141,7 +147,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     else:
         reason = (
             f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "
-            f"not have (probability of the name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}); "
+            f"not have (probability of the name{'' if one else 's'} {named:.2f}); "
             f"to a flexible error {'it adds' if one else 'they add'} {forms['support_nats']:.0f} nats of evidence. "
             f"{capitalised(_shape_text(gaps))} {change}"
         )

@@ -21,6 +21,7 @@ from coronaryuq.discrepancy.result.pullback_table import pullback_table
 from coronaryuq.discrepancy.result.repair import repaired
 from coronaryuq.discrepancy.result.source_table import source_entry, source_table
 from coronaryuq.discrepancy.result.vessels_of import vessels_of
+from coronaryuq.discrepancy.selection.answer import NOTHING, OTHER
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.next_measurement import next_measurements
@@ -50,15 +51,11 @@ def summary(found: Discovery) -> dict:
         "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
         "named": told,
         "scales": _scales(found.problem.forward.anatomy),
-        "probabilities": [
-            {
-                "none": entry.probabilities["none"],
-                "outside": entry.probabilities["outside"],
-                "ranking": [
-                    {"effect": c.effect.name, "place": c.place, "probability": c.probability, "score": c.z_score}
-                    for c in entry.shortlist[:10]
-                ],
-            }
+        "rounds": [
+            [
+                {"effect": c.effect.name, "place": c.place, "share": c.share, "score": c.z_score}
+                for c in entry.shortlist[:10]
+            ]
             for entry in found.rounds
         ],
         "outside_library": found.outside_library,
@@ -270,14 +267,17 @@ def _residuals(found: Discovery) -> pd.DataFrame:
 
 
 def _ranking(found: Discovery) -> pd.DataFrame:
-    rows = []
+    """Posterior of the answers, those with names divided by the candidates of each round."""
+    rows: list[tuple] = []
     for number, entry in enumerate(found.rounds, start=1):
-        rows.append((number, "none", "", entry.probabilities["none"], 0.0, False))
-        rows.append((number, "outside the library", "", entry.probabilities["outside"], 0.0, False))
-        accepted = None if entry.accepted is None else entry.accepted.placed
+        rows += [
+            (number, answer, "", found.answer.probabilities[answer], np.nan, np.nan, False)
+            for answer in (NOTHING, OTHER)
+        ]
         for c in entry.shortlist:
-            rows.append((number, c.effect.name, c.place, c.probability, c.z_score, c.placed == accepted))
-    return pd.DataFrame(rows, columns=["round", "effect", "place", "probability", "score", "accepted"])
+            accepted = entry.accepted is not None and entry.accepted.placed == c.placed
+            rows.append((number, c.effect.name, c.place, found.probability(entry, c), c.share, c.z_score, accepted))
+    return pd.DataFrame(rows, columns=["round", "effect", "place", "probability", "share", "score", "accepted"])
 
 
 def _sizes(found: Discovery) -> pd.DataFrame:

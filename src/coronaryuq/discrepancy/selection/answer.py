@@ -21,10 +21,10 @@ from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all, linearise, unreached
+from coronaryuq.discrepancy.inference.cross_validation import linearise, unreached
+from coronaryuq.discrepancy.inference.evidence import Evidence
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.selection.candidates import OUTSIDE
 from coronaryuq.discrepancy.selection.flow_conservation import redistribution
 from coronaryuq.discrepancy.selection.size_constancy import Constancy, constancy
 from coronaryuq.discrepancy.selection.unlisted_response import (
@@ -38,6 +38,8 @@ NOTHING, NAMES, OTHER = "nothing", "names", "something else"
 ALONE, REMAINDER, VARYING = "alone", "remainder", "varying size"
 REROUTED, UNLISTED = "flow on another path", "unlisted response of a device"
 """Forms of something else."""
+OUTSIDE = np.log(RULE.prior_outside / RULE.prior_named)
+"""Log prior odds that something else resembles a model's effects rather than that the effects are right."""
 VARIES = np.log(0.25)
 """Log of the share of that prior that belongs to sizes that vary between conditions."""
 
@@ -93,9 +95,14 @@ class Answer:
         return [entry for entry in self.constancies if entry.log_odds > RULE.class_odds]
 
 
+def without_effects(plain: Evidence) -> tuple[float, float]:
+    """Return the log weights of nothing, and of something else alone, by the evidence of the model without effects."""
+    return float(np.log(RULE.prior_none)) + plain.right, float(np.log(RULE.prior_outside)) + plain.unknown
+
+
 def answer(
     problem: Problem,
-    base: tuple[Problem, Fit],
+    plain: Evidence,
     fit: Fit,
     hypothesis: Hypothesis,
     log_priors: Sequence[float],
@@ -107,8 +114,8 @@ def answer(
     ----------
     problem, fit, hypothesis
         The model with the effects found, and its fit.
-    base
-        The problem and the fit without any effect.
+    plain
+        Evidence of all data for the model without any effect.
     log_priors
         Log prior of the class of each effect.
     possible
@@ -119,17 +126,12 @@ def answer(
     Answer
         Probabilities of all answers.
 
-    Raises
-    ------
-    FloatingPointError
-        If the model without any effect does not run under every condition.
     """
     wiring = [placed for placed in hypothesis if not placed.effect.nameable]
     implausible = beyond(fit, hypothesis, RULE.implausible)
     constancies = constancy(problem, fit, hypothesis)
-    plain = evidence_of_all(*base, Hypothesis())
-    nothing, named, device = np.log(RULE.prior_none) + plain.right, -np.inf, ""
-    other = {ALONE: np.log(RULE.prior_outside) + plain.unknown}
+    nothing, alone = without_effects(plain)
+    named, device, other = -np.inf, "", {ALONE: alone}
     if hypothesis:
         model, lacking = linearise(problem, fit.z, hypothesis), unreached(problem, fit)
         prior = log_prior_of_errors(problem, hypothesis, log_priors, possible)

@@ -28,7 +28,8 @@ class Candidate:
     log_prior: its part of the prior of named effects. z_score: score test; p_varying: p-value of the test with one size
     per condition. estimate: log evidence with it, and guess: its size z, both from a few runs. response: change (N,) of
     whitened predictions by a small size about the point where it was last run. fit: together with the other effects,
-    its own sizes last; multistart: best fit from the prior mean, if that was needed.
+    its own sizes last; multistart: best fit from the prior mean, if that was needed. share: probability given that one
+    of those fitted in the round is what is missing.
     """
 
     placed: PlacedEffect
@@ -40,7 +41,7 @@ class Candidate:
     response: np.ndarray | None = None
     fit: Fit | None = None
     multistart: Fit | None = None
-    probability: float = 0.0
+    share: float = 0.0
 
     @property
     def effect(self) -> Effect:
@@ -99,7 +100,6 @@ class Round:
     """
 
     shortlist: list[Candidate]
-    probabilities: dict[str, float]
     accepted: Candidate | None
     members: Sequence[Candidate] = ()
     scored: Sequence[Candidate] = ()
@@ -214,29 +214,11 @@ def least_weight(best: Candidate, without: Fit) -> float:
     return best.log_weight - RULE.contender_gap - RULE.contender_share * max(0.0, gain)
 
 
-OUTSIDE = np.log(RULE.prior_outside / RULE.prior_named)
-"""Log prior odds that something else resembles a model's effects rather than that the effects are right."""
-
-
-def with_probabilities(without: Fit | None, candidates: list[Candidate]) -> tuple[list[Candidate], dict[str, float]]:
-    """Return the candidates with posterior probabilities, and the probabilities of "none" and "outside" the library.
-
-    All add up to 1. Outside: something else, alone or resembling one of the candidates. without: fit of the model
-    without any of them, None if it does not run.
-    """
-    other = [c.fit.posterior.unknown + c.log_prior + OUTSIDE for c in candidates if c.fit is not None]
-    if without is not None:
-        other.append(without.posterior.unknown + float(np.log(RULE.prior_outside)))
-    weights = np.array(
-        [
-            -np.inf if without is None else without.evidence + np.log(RULE.prior_none),
-            logsumexp(other),
-            *(candidate.log_weight for candidate in candidates),
-        ]
-    )
-    none, outside, *inside = np.exp(weights - logsumexp(weights)).tolist()
-    weighed = [replace(c, probability=probability) for c, probability in zip(candidates, inside, strict=True)]
-    return weighed, {"none": none, "outside": outside}
+def with_shares(candidates: list[Candidate]) -> list[Candidate]:
+    """Return the candidates with their probabilities given that one of them is what is missing."""
+    weights = np.array([candidate.log_weight for candidate in candidates])
+    shares = np.exp(weights - logsumexp(weights)).tolist() if candidates else []
+    return [replace(candidate, share=share) for candidate, share in zip(candidates, shares, strict=True)]
 
 
 def indistinguishable(best: Candidate, candidates: Iterable[Candidate]) -> list[Candidate]:

@@ -30,7 +30,7 @@ class Discovery:
     problem, hypothesis, fit
         The same about the best hypothesis, whether or not its effects are named.
     located, alarm
-        Where the plain model disagrees with the data, and whether the global test alarms.
+        Where the plain model disagrees with the data, and whether the global test of the fitted ones alarms.
     remaining
         Where the best hypothesis disagrees.
     rounds
@@ -75,12 +75,12 @@ class Discovery:
     @property
     def outside_library(self) -> bool:
         """Whether something else is missing: then no effect is named."""
-        return self.alarm and self.answer.given == OTHER
+        return self.answer.given == OTHER
 
     @property
     def consistent(self) -> bool:
         """Whether the answer is that nothing is missing."""
-        return not self.alarm or self.answer.given == NOTHING
+        return self.answer.given == NOTHING
 
     @property
     def named(self) -> list[Round]:
@@ -94,9 +94,11 @@ class Discovery:
         return self.answer.log_evidence
 
     def probability(self, entry: Round, candidate: Candidate) -> float:
-        """Return the probability that the effects found are what is missing, with a candidate as that of its round."""
-        inside = sum(c.probability for c in entry.shortlist)
-        return self.answer.probabilities[NAMES] * candidate.probability / inside if inside else 0.0
+        """Return the probability that the effects found are what is missing, with a candidate as that of its round.
+
+        Zero if the round accepted none: its candidates are then not among the answers.
+        """
+        return 0.0 if entry.accepted is None else self.answer.probabilities[NAMES] * candidate.share
 
     def class_probability(self, entry: Round) -> float:
         """Return the probability that the effects found are what is missing, with any member of a round's class."""

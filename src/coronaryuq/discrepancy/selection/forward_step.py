@@ -18,7 +18,7 @@ from coronaryuq.discrepancy.selection.candidates import (
     preferred,
     shortlist,
     updated,
-    with_probabilities,
+    with_shares,
 )
 from coronaryuq.discrepancy.selection.refit import (
     exact,
@@ -90,13 +90,12 @@ def forward_step(
         corrected = with_own_time_steps(problem, hypothesis, best_of_effects(tried, RULE.likeliest_effects))
         tried = sorted(updated(tried, corrected), key=lambda c: -c.log_weight)
         worth = _worth_naming(problem, fit, tried)
-    tried, probabilities = with_probabilities(fit, tried)
+    tried = with_shares(tried)
     if not worth:
-        return Round(tried, probabilities, None, others=hypothesis)
+        return Round(tried, None, others=hypothesis)
     (accepted,) = updated([preferred(worth)], tried)
     return Round(
         tried,
-        probabilities,
         accepted,
         members=indistinguishable(accepted, tried),
         scored=list(pool.candidates.values()),

@@ -14,14 +14,22 @@ from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference import gp_discrepancy
-from coronaryuq.discrepancy.inference.cross_validation import Folds, Gaps, folds_of, gap, linearise, predictive_p
+from coronaryuq.discrepancy.inference.cross_validation import (
+    Folds,
+    Gaps,
+    evidence_of_all,
+    folds_of,
+    gap,
+    linearise,
+    predictive_p,
+)
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
 from coronaryuq.discrepancy.inference.noise import Noise, noise_estimates, noise_text
 from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import possible_noises, with_noise
-from coronaryuq.discrepancy.selection.answer import ALONE, OTHER, answer, beyond
+from coronaryuq.discrepancy.selection.answer import ALONE, OTHER, answer, beyond, without_effects
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import Candidate, Rounds, all_candidates, best_of_effects
 from coronaryuq.discrepancy.selection.confirmation import confirm
@@ -119,7 +127,10 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
     report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
     base_problem, base = recalibrate(problem)
     folds = folds_of(base_problem, held_out_names(base_problem.forward.conditions))
-    state = start = _State.assessed(base_problem, PLAIN, base, library)
+    plain = evidence_of_all(base_problem, base, PLAIN)
+    nothing, something = without_effects(plain)
+    start = _State.assessed(base_problem, PLAIN, base, library)
+    state = start = replace(start, suspected=start.alarm or something > nothing)
     report(_progress(start))
     state = _select(state, library, report)
     for _ in range(RULE.further_searches):
@@ -137,7 +148,7 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
     priors = {entry.named.placed: entry.class_log_prior for entry in state.rounds if entry.accepted is not None}
     weighed = answer(
         state.problem,
-        (base_problem, base),
+        plain,
         state.fit,
         state.hypothesis,
         [priors[placed] for placed in state.hypothesis],
@@ -145,7 +156,7 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
     )
     nodes: list[tuple[str, float]] = []
     source: UnknownSource | None = None
-    if start.alarm and weighed.given == OTHER:
+    if weighed.given == OTHER:
         # Where the effects found are taken to be something else themselves, the source stands in for them.
         alone = weighed.leading_form == ALONE
         seen = (base_problem, base.z, PLAIN) if alone else (state.problem, state.fit.z, state.hypothesis)
@@ -157,7 +168,7 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
         hypothesis=state.hypothesis,
         fit=state.fit,
         located=start.remaining,
-        alarm=start.alarm,
+        alarm=start.remaining.alarm(problem.settings.alarm_level),
         remaining=state.remaining,
         rounds=state.rounds,
         gaps=gaps,
@@ -176,7 +187,8 @@ class _State:
     """State of a search.
 
     remaining: misfit of the fit; candidates: scored in addition to it, at linearisation point `point`; tested: number
-    of candidates scored so far; refused: those that are not considered again.
+    of candidates scored so far; refused: those that are not considered again; suspected: whether something is missing
+    from the model without effects.
     """
 
     problem: Problem
@@ -188,6 +200,7 @@ class _State:
     tested: int
     rounds: Rounds = ()
     refused: frozenset[PlacedEffect] = frozenset()
+    suspected: bool = False
 
     @classmethod
     def assessed(cls, problem: Problem, hypothesis: Hypothesis, fit: Fit, library: Library) -> "_State":
@@ -196,7 +209,8 @@ class _State:
 
     @property
     def alarm(self) -> bool:
-        return self.remaining.alarm(self.problem.settings.alarm_level)
+        """Whether the global test finds a misfit or, without effects, all data a probable one."""
+        return (self.suspected and not self.hypothesis) or self.remaining.alarm(self.problem.settings.alarm_level)
 
     @property
     def implausible(self) -> bool:

@@ -23,7 +23,7 @@ from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.cross_validation import posterior_of_all
 from coronaryuq.discrepancy.inference.flexible import RIGHT, UNKNOWN, Posterior
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.selection.candidates import OUTSIDE
+from coronaryuq.discrepancy.selection.answer import OUTSIDE
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import SEARCHED
