@@ -10,14 +10,17 @@ from hypothesis import strategies as st
 
 from coronaryuq.bench.discrepancy.benchmark import NATURE
 from coronaryuq.bench.discrepancy.cases import Case
-from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.hidden_cases import closed_loop, open_loop
 from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.inference.noise import (
     HARMONICS,
+    SAME_SCALE,
+    Estimate,
     Noise,
     estimated_noise,
     noise_estimates,
+    smaller,
     white_and_correlated,
     with_correlated,
 )
@@ -29,6 +32,7 @@ from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.network.read import read_network
 from support.series_problem import series_problem, waveform
+from support.small_loop import loop
 
 SAMPLES, SERIES, PERIOD = 40, 6, 0.8
 
@@ -151,6 +155,14 @@ def test_correlated_noise_does_not_depend_on_where_a_beat_is_cut(cut, correlatio
     np.testing.assert_allclose(covariances[1], covariances[0], atol=1e-6)
 
 
+@given(st.floats(0.5, 5.0), st.floats(0.5, 5.0))
+def test_only_a_smaller_noise_takes_the_place_of_one_that_is_known(scale, known):
+    flow, pressure = Estimate(Noise(scale, 0.02), ()), Estimate(None, ())
+    found = smaller({"flow": flow, "pressure": pressure}, {"flow": Estimate(Noise(known), ())})
+    assert found == {"pressure": pressure} | ({"flow": flow} if scale * (1.0 + SAME_SCALE) < known else {})
+    assert not smaller({"flow": pressure}, {"flow": pressure})
+
+
 def test_larger_noise_has_no_shapes():
     white, shapes = white_and_correlated(series(), Noise(1.7))
     assert white == 1.7 and len(shapes) == 0
@@ -175,6 +187,14 @@ def test_a_strong_effect_outside_the_library_is_not_noise(tmp_path, seed):
     """A side vessel carries blood in late diastole alone: it is beyond the first harmonics, too, as noise is."""
     hide(Case((), "medium", "nominal", seed, "thrombosed_side_vessel"), open_loop(), tmp_path, NATURE)
     assert searched(tmp_path).answer.given == OTHER
+
+
+@pytest.mark.slow
+def test_what_a_named_effect_explains_is_not_taken_for_noise(tmp_path):
+    """A probe in the wrong place reads another waveform, whose sharp features look like noise of six times the size."""
+    truth, _ = hide(Case(("misplaced_flow",), "medium", "nominal", 20004), closed_loop(loop()), tmp_path, NATURE)
+    found = searched(tmp_path)
+    assert in_first_class(truth, found) and not found.noise
 
 
 @pytest.mark.slow

@@ -27,6 +27,8 @@ CORRELATIONS = (0.2, 0.35, 0.5, 0.6, 0.7, 0.8)
 """Correlations of successive samples that are compared with none; noise that lasts longer is an offset or a drift."""
 AS_STATED, OTHER, CORRELATED = 0.6, 0.2, 0.2
 """Prior probabilities of noise as stated, of another scale, and correlated."""
+SAME_SCALE = 0.1
+"""Relative decrease of a scale up to which it is the same: posterior standard deviations decrease by no more."""
 LARGER_BY, SMALLER_BY = 1.0, 0.1
 """Prior means of the size of the log of a scale above and below 1 (Laplace): noise is understated rather than
 overstated, and beyond the first harmonics a smaller scale looks like a longer correlation."""
@@ -63,6 +65,11 @@ class Estimate:
     noise: Noise | None
     alternatives: tuple[Alternative, ...]
 
+    @property
+    def scale(self) -> float:
+        """Of the most probable noise."""
+        return 1.0 if self.noise is None else self.noise.scale
+
 
 def noise_text(noise: dict[str, Noise]) -> str:
     """Return the noise of several quantities in words."""
@@ -74,12 +81,22 @@ def noise_text(noise: dict[str, Noise]) -> str:
 
 
 def estimated_noise(problem: Problem, residual: np.ndarray) -> dict[str, Noise]:
-    """Return the most probable noise of quantities whose waveforms show another than the stated, white one.
+    """Return the most probable noise of each quantity, see `noise_estimates` and `most_probable`."""
+    return most_probable(noise_estimates(problem, residual))
 
-    See `noise_estimates`.
-    """
-    estimates = noise_estimates(problem, residual)
+
+def most_probable(estimates: dict[str, Estimate]) -> dict[str, Noise]:
+    """Return the most probable noise of quantities whose waveforms show another than the stated, white one."""
     return {quantity: estimate.noise for quantity, estimate in estimates.items() if estimate.noise is not None}
+
+
+def smaller(estimates: dict[str, Estimate], known: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return those of quantities whose scale is less than the known one by more than `SAME_SCALE`, or is not known."""
+    return {
+        quantity: estimate
+        for quantity, estimate in estimates.items()
+        if quantity not in known or estimate.scale * (1.0 + SAME_SCALE) < known[quantity].scale
+    }
 
 
 def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimate]:

@@ -7,6 +7,7 @@ the answers.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -25,16 +26,16 @@ from coronaryuq.discrepancy.inference.cross_validation import (
 )
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
-from coronaryuq.discrepancy.inference.noise import Noise, noise_estimates, noise_text
-from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers
+from coronaryuq.discrepancy.inference.noise import Estimate, most_probable, noise_estimates, smaller
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.inference.read_problem import possible_noises, with_noise
+from coronaryuq.discrepancy.inference.read_problem import possible_noises
 from coronaryuq.discrepancy.selection.answer import ALONE, OTHER, answer, beyond, without_effects
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import Candidate, Rounds, all_candidates, best_of_effects
 from coronaryuq.discrepancy.selection.confirmation import confirm
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.forward_step import forward_step
+from coronaryuq.discrepancy.selection.observed_noise import NoiseWatch, SmallerNoise, with_observed_noise
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
 from coronaryuq.discrepancy.selection.unknown_source import UnknownSource, unknown_source
@@ -47,6 +48,10 @@ Search = Callable[[Problem, int, Library, Report], Discovery]
 
 CONFOUNDER = "drive_gain"
 """The effect that acts on all readings: errors of several readings at first resemble it, each alone less so."""
+NOISE_ESTIMATES = 3
+"""Maximum number of estimates of the noise: about the model alone, then about the effects found with the last one."""
+Watch = Callable[[Problem, Hypothesis, Fit], None]
+"""Called with the effects found so far, and their fit; raises `SmallerNoise` to end a search."""
 LARGEST_LOG = 500.0
 """Log Bayes factor beyond which its size does not matter; its exponential is finite."""
 
@@ -54,7 +59,9 @@ LARGEST_LOG = 500.0
 def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: Report = lambda line: None) -> Discovery:
     """Search for the effects that a model is missing.
 
-    The noise of the waveforms is estimated before the search, from what no effect of the cycle's length can explain.
+    The noise of the waveforms is estimated before the search, from what no effect of the cycle's length can explain. It
+    is estimated again about each effect found, whose sharp features had looked like noise; if it is smaller, the search
+    begins again.
 
     Parameters
     ----------
@@ -81,27 +88,21 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
     if problem.settings.noise == "stated":
         return search_without_confounder(_search, problem, seed, library, report)
     report("recalibrating, to see the noise")
-    fit = problem.calibrate(PLAIN)
-    estimates = noise_estimates(problem, fit.residual)
-    noise = {quantity: estimate.noise for quantity, estimate in estimates.items() if estimate.noise is not None}
-    known, outliers = with_observed_noise(problem, fit, noise, report)
-    known = replace(known, noises=possible_noises(problem, estimates, outliers))
-    discovery = search_without_confounder(_search, known, seed, library, report)
-    return replace(discovery, measured=measured, noise=noise, outliers=outliers)
-
-
-def with_observed_noise(
-    problem: Problem, fit: Fit, noise: dict[str, Noise], report: Report
-) -> tuple[Problem, list[Outlier]]:
-    """Return the problem with a noise of its waveforms, and without the outliers about a fit."""
-    if noise:
-        report(f"waveform noise differs from the stated standard deviations ({noise_text(noise)})")
-    (residual,) = problem.whitened([(fit.z, PLAIN)])
-    scale = np.array([noise[s.quantity].scale if s.quantity in noise else 1.0 for s in problem.forward.measured])
-    outliers = find_outliers(problem, np.nan_to_num(residual) / scale[problem.owner])
-    if outliers:
-        report(f"{len(outliers)} samples are outliers, and are left out")
-    return (with_noise(problem, noise, outliers) if noise or outliers else problem), outliers
+    estimates: dict[str, Estimate] = {}
+    hypothesis, fit = PLAIN, problem.calibrate(PLAIN)
+    for last in (*(False,) * (NOISE_ESTIMATES - 1), True):
+        estimates = estimates | smaller(noise_estimates(problem, fit.residual), estimates)
+        noise = most_probable(estimates)
+        known, outliers = with_observed_noise(problem, hypothesis, fit, noise, report)
+        known = replace(known, noises=possible_noises(problem, estimates, outliers))
+        search = _search if last else partial(_search, watch=NoiseWatch(problem, estimates))
+        try:
+            found = search_without_confounder(search, known, seed, library, report)
+            break
+        except SmallerNoise as other:
+            hypothesis, fit = other.hypothesis, other.fit
+            report(f"given {_listed(hypothesis)}, the noise is smaller: searching again with it")
+    return replace(found, measured=measured, noise=noise, outliers=outliers)
 
 
 def search_without_confounder(
@@ -122,8 +123,10 @@ def search_without_confounder(
     return second if second.log_weight > first.log_weight else first
 
 
-def _search(problem: Problem, seed: int, library: Library, report: Report) -> Discovery:
-    """Search once, with the stated noise and all effects of a library."""
+def _search(
+    problem: Problem, seed: int, library: Library, report: Report, watch: Watch = lambda *found: None
+) -> Discovery:
+    """Search once, with the problem's noise and all effects of a library."""
     report(f"{np.count_nonzero(problem.train)} fitted measurements, {problem.count} nuisance parameters: recalibrating")
     base_problem, base = recalibrate(problem)
     folds = folds_of(base_problem, held_out_names(base_problem.forward.conditions))
@@ -132,12 +135,13 @@ def _search(problem: Problem, seed: int, library: Library, report: Report) -> Di
     start = _State.assessed(base_problem, PLAIN, base, library)
     state = start = replace(start, suspected=start.alarm or something > nothing)
     report(_progress(start))
-    state = _select(state, library, report)
+    state = _select(state, library, report, watch)
     for _ in range(RULE.further_searches):
         state, confirmed = _check(state, library, report)
         if confirmed:
             break
-        before, state = state, _select(state, library, report)
+        watch(state.problem, state.hypothesis, state.fit)
+        before, state = state, _select(state, library, report, watch)
         if state.implausible and not before.implausible:
             report("rejected: implausibly large")
             state = before
@@ -233,7 +237,7 @@ class _State:
         return replace(self, refused=refused, rounds=rounds)
 
 
-def _select(state: _State, library: Library, report: Report) -> _State:
+def _select(state: _State, library: Library, report: Report, watch: Watch) -> _State:
     """Add one effect after the other until no misfit remains or no effect helps."""
     settings = state.problem.settings
     # Twice as many rounds as effects, in case backward steps repeatedly undo what was named.
@@ -255,6 +259,7 @@ def _select(state: _State, library: Library, report: Report) -> _State:
                 break
         count = len(state.hypothesis)
         problem, hypothesis, fit, rounds = correct_time_steps(state.problem, state.hypothesis, state.fit, state.rounds)
+        watch(problem, hypothesis, fit)
         state = replace(state, problem=problem, hypothesis=hypothesis, fit=fit, rounds=rounds).reassessed(library)
         state = replace(state, tested=state.tested + len(state.candidates))
         report(f"given {_listed(hypothesis)}: {_progress(state)}")

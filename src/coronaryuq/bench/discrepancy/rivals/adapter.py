@@ -16,9 +16,10 @@ from coronaryuq.discrepancy.inference.locate import locate
 from coronaryuq.discrepancy.inference.noise import estimated_noise
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate, all_candidates
+from coronaryuq.discrepancy.selection.observed_noise import with_observed_noise
 from coronaryuq.discrepancy.selection.refit import fit_shortlist
 from coronaryuq.discrepancy.selection.score_test import screen
-from coronaryuq.discrepancy.selection.search import recalibrate, with_observed_noise
+from coronaryuq.discrepancy.selection.search import recalibrate
 
 MOST_NAMES = 3
 """Maximum number of effects in an answer, as in the search."""
@@ -146,7 +147,7 @@ def look(folder: Path, threads: int = 1) -> Seen:
     """
     problem = read_case(folder, threads)
     fit = problem.calibrate(PLAIN)
-    problem, _ = with_observed_noise(problem, fit, estimated_noise(problem, fit.residual), lambda line: None)
+    problem, _ = with_observed_noise(problem, PLAIN, fit, estimated_noise(problem, fit.residual), lambda line: None)
     return Seen(*recalibrate(problem))
 
 
