@@ -11,10 +11,14 @@ def member(name, probability, side="network", sizes=1):
     return {"effect": name, "place": "lca1", "probability": probability, "side": side, "standard_sizes": standard}
 
 
-def answer(*classes, given="names", after=-5.0):
+def answer(*classes, given="names", after=-5.0, probability=0.9):
     held = {when: {"log_predictive_density_per_row": x} for when, x in (("before", -6.0), ("after", after))}
     named = [{"class": list(members)} for members in classes]
-    return {"named": named, "held_out": held, "facts": {"answer": {"given": given}}}
+    return {
+        "named": named,
+        "held_out": held,
+        "facts": {"answer": {"given": given, "probabilities": {"names": probability}}},
+    }
 
 
 @pytest.mark.parametrize("given", ["nothing", "something else"])
@@ -26,6 +30,11 @@ def test_an_answer_without_a_name_adopts_nothing_and_says_so(given):
 def test_a_name_that_data_kept_out_do_not_confirm_is_not_adopted():
     choice = chosen(answer([member("quadratic_stenosis", 0.9)], after=-6.1))
     assert choice.classes == [] and "held out" in choice.reason and "-6.10" in choice.reason
+
+
+def test_a_name_that_is_not_probable_enough_is_not_adopted():
+    choice = chosen(answer([member("quadratic_stenosis", 0.7)], probability=0.7))
+    assert choice.classes == [] and "0.70" in choice.reason and "0.80" in choice.reason
 
 
 def test_members_of_a_class_are_mixed_by_their_probabilities_and_the_least_probable_left_out():

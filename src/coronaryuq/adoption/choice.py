@@ -4,8 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from coronaryuq.discrepancy.selection.answer import NAMES
+
 ENOUGH = 0.99
 """Share of a class's probability that its adopted members have; the least probable others are left out."""
+ADOPTED_FROM = 0.8
+"""Probability of the names from which they are adopted: a wrong one costs the prediction four times a missing one."""
 DENSITY = "log_predictive_density_per_row"
 
 
@@ -37,10 +41,16 @@ class Choice:
 
 
 def chosen(answer: Mapping[str, Any]) -> Choice:
-    """Return what is adopted of `discrepancy.json`: what was named and improves the prediction of data held out."""
+    """Return what is adopted of `discrepancy.json`: probable names that improve the prediction of data held out."""
+    given, probabilities = (answer["facts"]["answer"][key] for key in ("given", "probabilities"))
     if not answer["named"]:
-        given = answer["facts"]["answer"]["given"]
         return Choice([], f"the answer of the search is “{given}”, which names no effect")
+    if probabilities[NAMES] < ADOPTED_FROM:
+        return Choice(
+            [],
+            f"what the search named has a probability of {probabilities[NAMES]:.2f}, and is adopted from "
+            f"{ADOPTED_FROM:.2f} on",
+        )
     before, after = (answer["held_out"][when][DENSITY] for when in ("before", "after"))
     if not after > before:
         return Choice(

@@ -22,9 +22,6 @@ class DecisionRule:
         0.4, "1", "Prior probability that an effect of the library is missing, shared equally by effects, then places."
     )
     prior_outside: float = _threshold(0.2, "1", "Prior probability that something outside the library is missing.")
-    named_from: float = _threshold(
-        0.8, "1", "Probability from which effects are named: a wrong name costs four times a missing one."
-    )
     shortlist_score: float = _threshold(
         2.0,
         "sd",

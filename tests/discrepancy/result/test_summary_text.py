@@ -24,12 +24,3 @@ def test_the_device_of_an_unlisted_response_is_told():
         "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
         "of a shape that the library does not list, is likelier. No effect is named. "
     )
-
-
-def test_a_name_that_is_not_probable_enough_is_told_with_its_probability():
-    """Not that something else is missing, which is less probable."""
-    form = {"probabilities": {NAMES: 0.78, OTHER: 0.22}, "leading_form": UNLISTED, "device": "pressure at a:b"}
-    assert told(form).startswith(
-        "No effect is named: pressure low pass at a:b and pressure delay at a:b are what is missing with probability "
-        "0.78, and effects are named from 0.80 on; it is something else with probability 0.22. "
-    )

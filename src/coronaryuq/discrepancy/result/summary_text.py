@@ -102,7 +102,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     start = f"Something other than an effect of the library is missing (probability {certainty:.2f})"
     if not best:
         return f"{start}: {_shape_text(gaps)}"
-    named, labels = forms["probabilities"][NAMES], listed([label_text(effect) for effect in best])
+    labels = listed([label_text(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (
         f"With {'it' if one else 'them'}, the misfit on {_held_out_text(answer)} "
@@ -124,12 +124,6 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"{candidate} {'is' if one else 'are'} {labels}, but with an implausibly large size, more than "
             f"{RULE.implausible:.0f} standard deviations of its prior: {sizes}. No effect is named. {change}"
         )
-    elif named > certainty:
-        return (
-            f"No effect is named: {labels} {'is' if one else 'are'} what is missing with probability {named:.2f}, and "
-            f"effects are named from {RULE.named_from:.2f} on; it is something else with probability {certainty:.2f}. "
-            f"{change}"
-        )
     elif forms["leading_form"] == REROUTED:
         places = " and ".join(effect["place"] for effect in best if effect["effect"] == PROBE)
         reason = (
@@ -147,7 +141,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     else:
         reason = (
             f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "
-            f"not have (probability of the name{'' if one else 's'} {named:.2f}); "
+            f"not have (probability of the name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}); "
             f"to a flexible error {'it adds' if one else 'they add'} {forms['support_nats']:.0f} nats of evidence. "
             f"{capitalised(_shape_text(gaps))} {change}"
         )

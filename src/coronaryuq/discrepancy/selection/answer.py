@@ -9,8 +9,7 @@ Hypotheses, with their prior probabilities, and the evidence of all data (`flexi
   conditions, or with flow on another path in place of errors of flow probes, or with a response of a device that is not
   listed in place of the errors found on that device.
 
-A name costs four times as much if it is wrong as an answer without a name does if the name was right; so effects are
-named from a probability of 0.8 on.
+The most probable answer is given, with its probability: what a wrong one costs, only its reader knows.
 """
 
 from collections.abc import Sequence
@@ -79,10 +78,8 @@ class Answer:
 
     @property
     def given(self) -> str:
-        """The answer of the smallest expected loss."""
-        if self.probabilities[NAMES] >= RULE.named_from:
-            return NAMES
-        return NOTHING if self.probabilities[NOTHING] > self.probabilities[OTHER] else OTHER
+        """The most probable answer."""
+        return max(self.probabilities, key=lambda answer: self.probabilities[answer])
 
     @property
     def leading_form(self) -> str:
