@@ -120,4 +120,5 @@ def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_pat
     found = analyse(tmp_path)
     assert not found.alarm and found.answer.probabilities[OTHER] > 0.9
     assert found.answer.given == OTHER and not found.consistent
-    assert "finds no misfit" in paragraph(summary(found))
+    text = paragraph(summary(found))
+    assert "finds no misfit" in text and "Something other than an effect of the library is missing" in text

@@ -75,7 +75,7 @@ def paragraph(answer: Mapping) -> str:
     )
     text += conflict_text("Recalibration has to move", answer["prior_conflicts"])
     excess = facts["noise_excess"]
-    if not answer["named"] and excess is not None:
+    if answer["alarm"] and not answer["named"] and excess is not None:
         return text + (
             f"No test finds a pattern in the residuals: the noise appears to be {excess:.2f} times as large as the "
             "stated standard deviations. Check the stated standard deviations; no effect is named."
