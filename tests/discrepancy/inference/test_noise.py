@@ -228,7 +228,7 @@ def test_correlated_noise_raises_no_alarm(tmp_path):
     assert said.alarm and said.problem.settings.steps_per_cycle < found.problem.settings.steps_per_cycle
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stenosis_under_correlated_noise_is_found(tmp_path):
     """Its vessels are off, too, which under such noise may also be something else: it is more probable than that."""
     truth, _ = hide(Case(("quadratic_stenosis",), "medium", "correlated", 100), open_loop(), tmp_path)

@@ -11,21 +11,35 @@ from coronaryuq.discrepancy.table_model.summary_text import TOGETHER
 from support.pair_tables import exact_pairs, noisy_pairs
 
 
+@pytest.fixture(scope="module")
+def quadratic(tmp_path_factory):
+    """A searched loss of 4 without noise: folder of the results, and answer."""
+    folder = tmp_path_factory.mktemp("quadratic")
+    exact_pairs(folder, 4.0)
+    return folder / "out", discover_pairs(folder / "0d.csv", folder / "3d.csv", folder / "out", 1)
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory):
+    """A searched loss of 10 with noise: both tables, and answer."""
+    folder = tmp_path_factory.mktemp("noisy")
+    files = noisy_pairs(folder, 1, quadratic=10.0)
+    return files, discover_pairs(*files, folder / "out", 1)
+
+
 @pytest.mark.slow
-def test_a_quadratic_loss_is_named(tmp_path):
-    exact_pairs(tmp_path, 4.0)
-    answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+def test_a_quadratic_loss_is_named(quadratic):
+    _, answer = quadratic
     assert [(n["effect"], n["place"]) for n in answer["named"]] == [("quadratic_stenosis", "v:BC")]
     assert answer["named"][0]["coefficients"]["quadratic"] == pytest.approx(4.0, rel=0.15)
     assert answer["gap_after"] < 0.05 * answer["gap_before"]
 
 
 @pytest.mark.slow
-def test_the_named_loss_changes_the_prediction_to_what_was_measured(tmp_path):
-    exact_pairs(tmp_path, 4.0)
-    answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)
+def test_the_named_loss_changes_the_prediction_to_what_was_measured(quadratic):
+    folder, answer = quadratic
     predicted = answer["held_out"]["branches"][0]["prediction"]
-    pairs, table = (pd.read_csv(tmp_path / "out" / name) for name in ("pairs.csv", "predicted.csv"))
+    pairs, table = (pd.read_csv(folder / name) for name in ("pairs.csv", "predicted.csv"))
     for model, own in predicted.items():
         ffr = pairs[f"ffr_{model}"]
         assert [own["low"], own["median"], own["high"]] == pytest.approx(np.quantile(ffr, [0.05, 0.5, 0.95]).tolist())
@@ -59,24 +73,22 @@ def test_no_effect_is_named_if_no_law_explains_the_pairs(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_column_of_the_distal_pressure_is_reported(tmp_path):
-    files = noisy_pairs(tmp_path, 1, quadratic=10.0)
-    answer = discover_pairs(*files, tmp_path / "out", 1)
+def test_the_column_of_the_distal_pressure_is_reported(noisy):
+    _, answer = noisy
     assert answer["held_out"]["branches"][0]["distal_pressure"] == "mean_pressure:v0:J"
     assert "the pressure drop to v0:J is " in answer["paragraph"]
 
 
 @pytest.mark.slow
-def test_permuted_rows_raise_a_doubt(tmp_path):
-    files = noisy_pairs(tmp_path, 1, quadratic=10.0)
-    same = discover_pairs(*files, tmp_path / "same", 1)
+def test_permuted_rows_raise_a_doubt(noisy, tmp_path):
+    (simulated, measured), same = noisy
     assert same["held_out"]["branches"][0]["rank_correlation"] > 0.9 and "same sample" not in same["paragraph"]
-    table = pd.read_csv(files[1])
+    table = pd.read_csv(measured)
     values = table.columns != table.columns[0]
     order = np.random.default_rng(3).permutation(len(table))
     table.loc[:, values] = table.loc[order, values].to_numpy()
-    table.to_csv(files[1], index=False)
-    answer = discover_pairs(*files, tmp_path / "out", 1)
+    table.to_csv(tmp_path / "3d.csv", index=False)
+    answer = discover_pairs(simulated, tmp_path / "3d.csv", tmp_path / "out", 1)
     assert answer["held_out"]["branches"][0]["rank_correlation"] < TOGETHER
     assert "check that a row of both tables is the same sample" in answer["paragraph"]
 

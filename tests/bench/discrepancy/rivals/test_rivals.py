@@ -58,7 +58,7 @@ def test_an_easy_effect_is_named_and_nothing_where_nothing_is_hidden(rival, easy
     assert not found.alarmed and found.classes == ()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_classifier_learns_from_other_seeds(subjects, easy):
     """With 16 subjects 0.97 of cases with nothing hidden are answered "nothing", with four 0.86: 17 of 20, sd 1.6."""
     *batches, held_back = subjects
