@@ -35,7 +35,7 @@ def to_first_order(problem, signal):
     columns = np.hstack([jacobian, allowed.T])[problem.train]
     one = (signal / sd)[problem.train]
     fit = Fit(np.zeros(columns.shape[1]), one, columns)
-    return float(np.sqrt(one @ fit.project(one)))
+    return float(np.sqrt(one @ fit.projection(one)))
 
 
 def trace(problem, signal):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.inference.cross_validation import Linear, predictive_p
+from coronaryuq.discrepancy.inference.cross_validation import predictive_p
+from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from support.series_problem import series_problem, waveform
 
 SERIES, POINTS, PARAMETERS = 4, 15, 3

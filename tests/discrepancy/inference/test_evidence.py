@@ -14,9 +14,10 @@ from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference import gp_discrepancy
-from coronaryuq.discrepancy.inference.cross_validation import Linear, of_all
+from coronaryuq.discrepancy.inference.cross_validation import of_all
 from coronaryuq.discrepancy.inference.evidence import PossibleNoise
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
+from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER
 from support.series_problem import series_problem, waveform
 

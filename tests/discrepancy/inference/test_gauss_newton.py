@@ -142,7 +142,7 @@ def test_score_has_covariance_p():
     direction = random.standard_normal(30)
     for _ in range(trials):
         fit = fit_of(g, g @ random.standard_normal(4) + random.standard_normal(30))
-        z = direction @ fit.score / np.sqrt(direction @ fit.project(direction))
+        z = direction @ fit.score / np.sqrt(direction @ fit.projection(direction))
         rejected += abs(z) > 1.959963984540054
     error = np.sqrt(0.05 * 0.95 / trials)
     assert rejected / trials == pytest.approx(0.05, abs=4 * error)

@@ -10,7 +10,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.evidence import Evidence
 from coronaryuq.discrepancy.inference.flexible import Posterior
-from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.gauss_newton import Fit, Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import residual_tests
 
@@ -19,26 +19,6 @@ BLOCKS, RESAMPLES = 4, 400
 
 Folds = list[tuple[np.ndarray, np.ndarray]]
 """(train, test) rows (N,) of each fold."""
-
-
-@dataclass(frozen=True)
-class Linear:
-    """A model linearised at its fit z (p,): whitened residual (N,) and sensitivities (N, p) of all data."""
-
-    z: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
-
-    @property
-    def at_zero(self) -> np.ndarray:
-        """Residual (N,) at z = 0."""
-        return self.residual + self.jacobian @ self.z
-
-    def extended(self, features: np.ndarray) -> "Linear":
-        """Add linear terms, whose weights are standard normal a priori."""
-        return Linear(
-            np.concatenate([self.z, np.zeros(features.shape[1])]), self.residual, np.hstack([self.jacobian, features])
-        )
 
 
 def linearise(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> Linear:
@@ -91,7 +71,7 @@ def posterior_of_all(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> Post
     FloatingPointError
         See `linearise`.
     """
-    return of_all(problem, linearise(problem, fit.z, hypothesis)).lowered(unreached(problem, fit))
+    return of_all(problem, linearise(problem, fit.z, hypothesis)).lowered(fit.unreached)
 
 
 def of_all(problem: Problem, model: Linear) -> Posterior:
@@ -102,13 +82,7 @@ def of_all(problem: Problem, model: Linear) -> Posterior:
 def evidence_of_all(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> Evidence:
     """Return the evidence of all data, as of `posterior_of_all`, averaged over the possible noises."""
     model = linearise(problem, fit.z, hypothesis)
-    return problem.all_data.evidence(model.at_zero, model.jacobian, unreached(problem, fit))
-
-
-def unreached(problem: Problem, fit: Fit) -> float:
-    """Return the log evidence that the model linearised at a fit promises, and the fit did not reach."""
-    promised = problem.flexible.posterior(fit.at_zero, fit.jacobian)
-    return float(promised.log_evidence[0] - fit.evidence_without_error)
+    return problem.all_data.evidence(model.at_zero, model.jacobian, fit.unreached)
 
 
 def predict(model: Linear, train: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

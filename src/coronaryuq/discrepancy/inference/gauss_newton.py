@@ -25,22 +25,37 @@ STEP = 0.1
 
 
 @dataclass
-class Fit:
-    """Maximum a posteriori of one model.
+class Linear:
+    """A model linearised at z (p,): whitened residual (N,) and sensitivities (N, p) of some data."""
+
+    z: np.ndarray
+    residual: np.ndarray
+    jacobian: np.ndarray
+
+    @property
+    def at_zero(self) -> np.ndarray:
+        """Residual (N,) of the linearised model at z = 0."""
+        return self.residual + self.jacobian @ self.z
+
+    def extended(self, features: np.ndarray) -> "Linear":
+        """Add linear terms, whose weights are standard normal a priori."""
+        return Linear(
+            np.concatenate([self.z, np.zeros(features.shape[1])]), self.residual, np.hstack([self.jacobian, features])
+        )
+
+
+@dataclass
+class Fit(Linear):
+    """Maximum a posteriori of one model, linearised there.
 
     Attributes
     ----------
-    z, residual, jacobian
-        Parameters (p,), whitened residual (N,) and sensitivities (N, p).
     renewed
         z at which all sensitivities were last recomputed; None if some come from another model.
     flexible
         Flexible discrepancy of the rows; None: the model has no error of its own.
     """
 
-    z: np.ndarray
-    residual: np.ndarray
-    jacobian: np.ndarray
     renewed: np.ndarray | None = None
     flexible: Flexible | None = field(default=None, repr=False)
 
@@ -57,18 +72,18 @@ class Fit:
     def covariance(self) -> np.ndarray:
         return np.linalg.inv(self.precision)
 
-    @property
-    def at_zero(self) -> np.ndarray:
-        """Residual (N,) of the linearised model at z = 0."""
-        return self.residual + self.jacobian @ self.z
-
     @cached_property
     def posterior(self) -> Posterior:
         """Posterior of the linearised model by the amplitude of its flexible discrepancy.
 
         What the linear model still promises where the fit ended is not part of the evidence.
         """
-        return self.promised.lowered(self.promised.log_evidence[0] - self.evidence_without_error)
+        return self.promised.lowered(self.unreached)
+
+    @property
+    def unreached(self) -> float:
+        """Log evidence that the linear model promises, and the fit did not reach."""
+        return float(self.promised.log_evidence[0] - self.evidence_without_error)
 
     @cached_property
     def promised(self) -> Posterior:
@@ -95,14 +110,10 @@ class Fit:
         factor = cho_factor(self.precision)
         return lambda vectors: vectors - self.jacobian @ cho_solve(factor, self.jacobian.T @ vectors)
 
-    def project(self, vectors: np.ndarray) -> np.ndarray:
-        """Return P v once; `projection` is faster for many."""
-        return self.projection(vectors)
-
     @property
     def score(self) -> np.ndarray:
         """P e0, with covariance P under the model: at the maximum it equals the whitened residual."""
-        return self.project(self.at_zero)
+        return self.projection(self.at_zero)
 
 
 Label = TypeVar("Label")

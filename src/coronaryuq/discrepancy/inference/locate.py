@@ -75,7 +75,7 @@ def locate(problem: Problem, fit: Fit) -> Located:
     """
     score = fit.score
     conflicts = _conflicts(problem, fit)
-    tests = residual_tests(problem, problem.train, fit.objective, score, fit.project)
+    tests = residual_tests(problem, problem.train, fit.objective, score, fit.projection)
     tests["worst nuisance parameter"] = min((conflict.p for conflict in conflicts), default=1.0)
     return Located(min(1.0, len(tests) * min(tests.values())), tests, _groups(problem, fit, score), conflicts)
 
@@ -109,7 +109,7 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
                 keys.append((number, location, part, float(residual[rows].mean())))
                 columns.append(column)
     matrix = np.array(columns).T
-    variance = np.einsum("ij,ij->j", matrix, fit.project(matrix))
+    variance = np.einsum("ij,ij->j", matrix, fit.projection(matrix))
     z = (matrix.T @ score) / np.sqrt(np.maximum(variance, 1e-300))
     p = 2.0 * stats.norm.sf(np.abs(z))
     q = false_discovery(p)

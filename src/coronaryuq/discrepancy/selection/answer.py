@@ -20,7 +20,7 @@ from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.cross_validation import linearise, unreached
+from coronaryuq.discrepancy.inference.cross_validation import linearise
 from coronaryuq.discrepancy.inference.evidence import Evidence
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -130,7 +130,7 @@ def answer(
     nothing, alone = without_effects(plain)
     named, device, other = -np.inf, "", {ALONE: alone}
     if hypothesis:
-        model, lacking = linearise(problem, fit.z, hypothesis), unreached(problem, fit)
+        model, lacking = linearise(problem, fit.z, hypothesis), fit.unreached
         prior = log_prior_of_errors(problem, hypothesis, log_priors, possible)
         found = problem.all_data.evidence(model.at_zero, model.jacobian, lacking)
         right = prior + found.right

@@ -15,8 +15,9 @@ from scipy.special import logsumexp
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.inference.cross_validation import Linear, linearise, of_all
+from coronaryuq.discrepancy.inference.cross_validation import linearise, of_all
 from coronaryuq.discrepancy.inference.flexible import Posterior
+from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.zerod.effects.flow_source import FlowSource, basis
 

@@ -26,14 +26,14 @@ def test_the_root_twice_is_the_projection_and_whitens_the_score(seed):
     random = np.random.default_rng(seed)
     fit = random_fit(random)
     dictionary, vector = Dictionary(fit, []), random.standard_normal(30)
-    assert dictionary.root(dictionary.root(vector)) == pytest.approx(fit.project(vector), rel=1e-9, abs=1e-12)
+    assert dictionary.root(dictionary.root(vector)) == pytest.approx(fit.projection(vector), rel=1e-9, abs=1e-12)
     assert dictionary.data @ dictionary.root(vector) == pytest.approx(vector @ fit.score, rel=1e-9, abs=1e-9)
 
 
 def test_a_column_along_the_data_is_the_score_test():
     random = np.random.default_rng(1)
     fit, response = random_fit(random), random.standard_normal(30)
-    z = response @ fit.score / np.sqrt(response @ fit.project(response))
+    z = response @ fit.score / np.sqrt(response @ fit.projection(response))
     dictionary = Dictionary(fit, [candidate("a", response, abs(z)), candidate("unseen", response, 0.0)])
     assert [c.place for c in dictionary.candidates] == ["a"], "candidates that the data cannot show are left out"
     assert dictionary.columns[:, 0] @ dictionary.data == pytest.approx(z)

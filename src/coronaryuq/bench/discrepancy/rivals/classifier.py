@@ -105,7 +105,7 @@ class Features:
 
     def __call__(self, fit: Fit) -> np.ndarray:
         """Return the features of a fit of the plain model."""
-        projected = np.einsum("ij,ij->j", self.responses, fit.project(self.responses))
+        projected = np.einsum("ij,ij->j", self.responses, fit.projection(self.responses))
         scores = self.responses.T @ fit.score / np.sqrt(np.maximum(projected, RULE.visible_response**2))
         waves = self.waves.T @ fit.score
         parts = []

@@ -115,7 +115,7 @@ def _recalibrated(
     kept, searches = [], []
     for name, values in zip(labels, truths, strict=True):
         signal = ((values - plain) / noise)[problem.train]
-        if not np.isfinite(values).all() or name != NONE and signal @ prior.project(signal) < LEAST_VISIBLE**2:
+        if not np.isfinite(values).all() or name != NONE and signal @ prior.projection(signal) < LEAST_VISIBLE**2:
             continue
         change = (values - plain + noise * random.standard_normal(len(noise))) / problem.sd
         exact = problem.linear_part()
