@@ -11,7 +11,6 @@ from coronaryuq.discrepancy.data.conditions import COVARIATES, Condition
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.effects.drive import DRIVES
-from coronaryuq.zerod.network.read import HEART
 
 WAVEFORMS = DRIVES | {"CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
 """Name of the waveform that a drive replaces in each kind of boundary condition."""
@@ -165,12 +164,5 @@ def is_number(value: object) -> bool:
 
 
 def _values(network: Network, block: str) -> dict | None:
-    if block == HEART and network.get("closed_loop_blocks"):
-        return network["closed_loop_blocks"][0]["parameters"]
-    for vessel in network["vessels"]:
-        if vessel["vessel_name"] == block:
-            return vessel["zero_d_element_values"]
-    for condition in network["boundary_conditions"]:
-        if condition["bc_name"] == block:
-            return condition["bc_values"]
-    return None
+    parts = ("vessels", "boundary_conditions", "closed_loop_blocks")
+    return next((one.values for one in network.elements() if one.name == block and one.part in parts), None)

@@ -3,7 +3,7 @@
 import copy
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -108,15 +108,11 @@ def drive_paths(path: str | Path) -> list[Path]:
 def _condition(path: str | Path, name: str, keys: Any) -> Condition:
     if not isinstance(keys, dict):
         raise InputError(path, name, keys, "expected a mapping, or nothing for the unmodified network")
-    known = (
-        *("coronary_resistance_scale", "period_scale", "scale", "set", "drive"),
-        *("held_out", "free", "stenosis", "pullback"),
-    )
+    known = [entry.name for entry in fields(Condition) if entry.name != "name"]
     for key in keys:
         if key not in known:
-            raise InputError(
-                path, f"{name}.{key}", None, f"unknown key; {nearest(key, known)}known: {', '.join(known)}"
-            )
+            remedy = f"unknown key; {nearest(key, known)}known: {', '.join(known)}"
+            raise InputError(path, f"{name}.{key}", None, remedy)
     held_out = keys.get("held_out", False)
     if not isinstance(held_out, bool):
         raise InputError(path, f"{name}.held_out", held_out, "expected true or false")
@@ -225,22 +221,10 @@ def held_out_names(conditions: dict[str, Condition]) -> list[str]:
 
 def as_entry(condition: Condition) -> dict:
     """Return the entry of a condition in the conditions file, without its drives, which are files."""
-    entry: dict = {}
-    for key in ("coronary_resistance_scale", "period_scale"):
-        if getattr(condition, key) != 1.0:
-            entry[key] = getattr(condition, key)
-    for key in ("scale", "set"):
-        if getattr(condition, key):
-            entry[key] = copy.deepcopy(getattr(condition, key))
-    if condition.held_out:
-        entry["held_out"] = True
-    if condition.free:
-        entry["free"] = list(condition.free)
-    if condition.stenosis:
-        entry["stenosis"] = dict(condition.stenosis)
-    if condition.pullback != PullbackErrors():
-        entry["pullback"] = dict(vars(condition.pullback))
-    return entry
+    entry = {key: copy.deepcopy(value) for key, value in vars(condition).items() if key not in ("name", "drive")}
+    entry |= {"free": list(condition.free), "pullback": dict(vars(condition.pullback))}
+    defaults = {**vars(Condition(condition.name)), "free": [], "pullback": vars(PullbackErrors())}
+    return {key: value for key, value in entry.items() if value != defaults[key]}
 
 
 def drive_files(drives: Iterable[tuple[str, str]]) -> dict[tuple[str, str], str]:
