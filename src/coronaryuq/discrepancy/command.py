@@ -98,17 +98,13 @@ def _run(args: argparse.Namespace, out: Path) -> dict:
             raise InputError("command line", "--recordings", folder, "give the folder and at least one animal")
         if len(animals) > 1:
             return search_recordings(folder, animals, out, settings, args.seed, args.held_out, args.free_bed)
-        (animal,) = animals
-        prepare_case(folder, animal, out / "case", args.held_out, args.free_bed)
-        model, measurements, conditions = (
-            out / "case" / name for name in ("model.json", "measurements.csv", "conditions.yaml")
-        )
+        case = prepare_case(folder, animals[0], out / "case", args.held_out, args.free_bed)
     else:
         for name in ("model", "measurements", "conditions"):
             if not getattr(args, name):
                 raise InputError("command line", f"--{name}", None, "missing; or give --pairs or --recordings")
-        model, measurements, conditions = args.model, args.measurements, args.conditions
-    answer = search_case(model, measurements, conditions, out, settings, args.seed)
+        case = args.model, args.measurements, args.conditions
+    answer = search_case(*case, out, settings, args.seed)
     return answer | {"paragraph": write_paragraph(out / "discrepancy.json", out / "paragraph.txt")}
 
 
@@ -138,6 +134,5 @@ def _check_options(args: argparse.Namespace) -> None:
     if args.free_bed and source != "recordings":
         reject("--free-bed", None, "applies to --recordings only; use `free` in the conditions file instead")
     if args.held_out and source != "recordings":
-        reject(
-            "--held-out", args.held_out, "applies to --recordings only; use `held_out` in the conditions file instead"
-        )
+        remedy = "applies to --recordings only; use `held_out` in the conditions file instead"
+        reject("--held-out", args.held_out, remedy)

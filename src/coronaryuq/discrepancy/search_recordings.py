@@ -11,6 +11,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.result import write
+from coronaryuq.discrepancy.result.facts import with_interval
 from coronaryuq.discrepancy.search_case import searched
 from coronaryuq.discrepancy.selection.shared_device import (
     NONE,
@@ -23,9 +24,6 @@ from coronaryuq.discrepancy.selection.shared_device import (
 )
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.base import Effect
-
-CASE = ("model.json", "measurements.csv", "conditions.yaml")
-Z_90 = 1.6448536269514722
 
 
 @threadpool_limits.wrap(limits=1)
@@ -59,12 +57,8 @@ def search_recordings(
     twice = next((name for name in animals if list(animals).count(name) > 1), None)
     if twice is not None:
         raise InputError("command line", "--recordings", twice, "is named twice; name each animal once")
-    for animal in animals:
-        prepare_case(folder, animal, out / animal / "case", held_out, free_bed)
-    discoveries = {}
-    for animal in animals:
-        model, measurements, conditions = (out / animal / "case" / name for name in CASE)
-        discoveries[animal] = searched(model, measurements, conditions, settings, seed)
+    cases = {animal: prepare_case(folder, animal, out / animal / "case", held_out, free_bed) for animal in animals}
+    discoveries = {animal: searched(*case, settings, seed) for animal, case in cases.items()}
     devices = shared_devices({name: found.problem for name, found in discoveries.items()})
     answers = [shared_device(discoveries, quantity, places) for quantity, places in devices]
     for animal, discovery in discoveries.items():
@@ -99,10 +93,7 @@ def _sizes(effect: Effect, mean: np.ndarray, covariance: np.ndarray) -> list[dic
     spread = np.sqrt(np.diag(covariance))
     return [
         {"name": one.name, "meaning": one.meaning, "unit": one.unit}
-        | {
-            name: float(one.from_standard(mean[j] + step * spread[j]))
-            for name, step in (("value", 0.0), ("low", -Z_90), ("high", Z_90))
-        }
+        | dict(zip(("value", "low", "high"), with_interval(one, mean[j], spread[j]), strict=True))
         for j, one in enumerate(effect.parameters)
     ]
 
@@ -122,12 +113,10 @@ def in_words(device: dict[str, Any]) -> str:
             f"{read}: what each recording shows by itself explains more than one error (probability {probability:.2f})."
         )
     error = next(one for one in device["errors"] if one["effect"] == name)
-    alone = "; ".join(
-        f"{recording} {', '.join(_in_unit(one) for one in own)}" for recording, own in error["each"].items()
-    )
+    each = [f"{recording} {', '.join(map(_in_unit, own))}" for recording, own in error["each"].items()]
     return (
         f"{read}: {_sized(error)}, probability {probability:.2f}. "
-        f"By each recording alone: {alone}; p = {error['agreement_p']:.2g} for one size."
+        f"By each recording alone: {'; '.join(each)}; p = {error['agreement_p']:.2g} for one size."
     )
 
 

@@ -49,7 +49,7 @@ _UNITS = {TIME: _TIMES, AORTA: _PRESSURES, VENTRICLE: _PRESSURES, FLOW: _FLOWS}
 
 def prepare_case(
     folder: str | Path, animal: str, out_dir: str | Path, held_out: Sequence[str] | None = None, free_bed: bool = False
-) -> None:
+) -> tuple[Path, Path, Path]:
     """Write the case of one recorded animal: `model.json`, `measurements.csv`, `conditions.yaml` and `drives/`.
 
     The model is a vessel, named as the artery, and a bed, driven by the measured aortic pressure and without
@@ -71,6 +71,11 @@ def prepare_case(
         Calibrate the distribution of resistance and compliance along the bed as well, and a stenosis of unknown
         severity in conditions whose names contain `sten`, common to names that differ only in the drug.
 
+    Returns
+    -------
+    model, measurements, conditions
+        The files.
+
     Raises
     ------
     InputError
@@ -78,6 +83,7 @@ def prepare_case(
         values that are implausible for a coronary artery.
     """
     folder, out = Path(folder), Path(out_dir)
+    model, measurements, conditions = (out / name for name in ("model.json", "measurements.csv", "conditions.yaml"))
     if not folder.is_dir():
         raise InputError(folder, None, None, "no such folder; give the folder of the recordings")
     beats, artery, heading = _beats(folder, animal)
@@ -102,14 +108,15 @@ def prepare_case(
         content[name] = entry
         rows += [(name, "flow", location, *row) for row in _flow_rows(time, frame[FLOW].to_numpy(), per_minute)]
     table = pd.DataFrame(rows, columns=["condition", "quantity", "location", "statistic", "time", "value", "sd"])
-    write_csv(out / "measurements.csv", table.assign(unit=unit))
-    write_text(out / "conditions.yaml", yaml.safe_dump(content, sort_keys=False))
+    write_csv(measurements, table.assign(unit=unit))
+    write_text(conditions, yaml.safe_dump(content, sort_keys=False))
     network = _network(*reference, artery)
     if stenosed:
         # A separate vessel, because the artery stores blood.
         network = put_ahead(network, artery, TAG)
         network.vessel_values(stenosis_vessel)[LOSS] = 0.0
-    write_json(out / "model.json", network)
+    write_json(model, network)
+    return model, measurements, conditions
 
 
 def _held_out(folder: Path, animal: str, conditions: list[str], held_out: Sequence[str] | None) -> list[str]:
@@ -142,8 +149,7 @@ def _flow_rows(time: np.ndarray, flow: np.ndarray, per_minute: float) -> list[tu
     mean = float(np.trapezoid(flow, time) / time[-1])
     sd = float(np.hypot(SD_FLOW * per_minute, SD_SHARE * mean))
     every = max(1, round((len(time) - 1) / time[-1] / USED_PER_SECOND))
-    readings = zip(time[:-1:every], flow[:-1:every], strict=True)
-    waveform = [("waveform", t, q, sd) for t, q in readings]
+    waveform = [("waveform", t, q, sd) for t, q in zip(time[:-1:every], flow[:-1:every], strict=True)]
     return [*waveform, ("mean", "", mean, max(SD_MEAN * abs(mean), 0.3 * per_minute))]
 
 
@@ -180,9 +186,8 @@ def _beats(folder: Path, animal: str) -> tuple[dict[str, pd.DataFrame], str, str
         raise InputError(folder, f"{animal}: number of conditions", len(beats), remedy)
     if len(headings) > 1:
         (first, _), (other, path) = list(headings.items())[:2]
-        raise InputError(
-            path, "flow", " ".join(other), f"the other recordings contain {' '.join(first)}; make them agree"
-        )
+        remedy = f"the other recordings contain {' '.join(first)}; make them agree"
+        raise InputError(path, "flow", " ".join(other), remedy)
     _check_names(folder, animal, list(beats))
     return dict(sorted(beats.items(), key=lambda item: item[0] not in REFERENCE)), *next(iter(headings))
 
@@ -198,11 +203,8 @@ def _check_names(folder: Path, animal: str, conditions: list[str]) -> None:
             name for name in conditions if name.startswith(f"{prefix}_") and name[len(prefix) + 1 :] in conditions
         ]
         if len(others) > 1:
-            remedy = (
-                f"{', '.join(others)} look like conditions of {animal}_{prefix}; put each animal in its own folder, "
-            )
-            remedy += "or rename one"
-            raise InputError(folder, animal, len(conditions), remedy)
+            remedy = f"{', '.join(others)} look like conditions of {animal}_{prefix}; put each animal in its own "
+            raise InputError(folder, animal, len(conditions), remedy + "folder, or rename one")
 
 
 def _recording(path: Path) -> tuple[pd.DataFrame, str, str] | None:

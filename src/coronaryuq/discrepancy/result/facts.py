@@ -74,7 +74,7 @@ def described_sizes(placed: PlacedEffect, sizes: list[tuple[Parameter, float, fl
     """
     described, effect = [], placed.effect
     for parameter, z, sd in sizes:
-        values = _with_interval(parameter, z, sd)
+        values = with_interval(parameter, z, sd)
         meaning, _ = effect.describe(parameter, values[0], anatomy)
         value, *ends = (float(effect.describe(parameter, size, anatomy)[1]) for size in values)
         low, high = sorted(ends)
@@ -90,7 +90,7 @@ def by_condition(varying: Constancy, anatomy: Anatomy) -> dict:
     effect = varying.placed.effect
     parameter = effect.parameters[0]
     sizes = {
-        condition: [float(effect.describe(parameter, size, anatomy)[1]) for size in _with_interval(parameter, mean, sd)]
+        condition: [float(effect.describe(parameter, size, anatomy)[1]) for size in with_interval(parameter, mean, sd)]
         for condition, (mean, sd) in varying.known.items()
     }
     sizes = {condition: [value, *sorted(ends)] for condition, (value, *ends) in sizes.items()}
@@ -98,7 +98,7 @@ def by_condition(varying: Constancy, anatomy: Anatomy) -> dict:
     return {"label": _size_label(varying.placed, parameter, anatomy), "unit": unit, "conditions": sizes}
 
 
-def _with_interval(parameter: Parameter, z: float, sd: float) -> list[float]:
+def with_interval(parameter: Parameter, z: float, sd: float) -> list[float]:
     """Return the size at z and at the ends of its 90 % interval."""
     return [float(parameter.from_standard(z + k * sd)) for k in (0.0, -Z_90, Z_90)]
 
