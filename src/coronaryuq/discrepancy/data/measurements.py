@@ -114,7 +114,7 @@ def read_measurements(
         condition, quantity, location, statistic = map(str, key)
         factor = rows["unit"].astype(str).map(UNITS[quantity]).to_numpy(float)
         value, sd = rows["value"].to_numpy(float) * factor, rows["sd"].to_numpy(float) * factor
-        time, pullback = None, None
+        time, pullback, period = None, None, periods[condition]
         if quantity in READ and rows["distance"].notna().all():
             own = checks[(checks["condition"] == condition) & (checks["location"] == location)]
             checked_at = next(iter(own["time"].dropna()), None)
@@ -124,12 +124,10 @@ def read_measurements(
         elif statistic == "waveform":
             order = np.argsort(rows["time"].to_numpy(float), kind="stable")
             time, value, sd = rows["time"].to_numpy(float)[order], value[order], sd[order]
-            _check_waveform(path, key, time, periods[condition])
+            _check_waveform(path, key, time, period)
         elif len(rows) > 1:
             raise InputError(path, "/".join(key), len(rows), "duplicate measurement; keep one row")
-        period = periods[condition]
-        series = Measured(condition, quantity, location, statistic, time, period, value, sd, pullback=pullback)
-        measured.append(series)
+        measured.append(Measured(condition, quantity, location, statistic, time, period, value, sd, pullback=pullback))
     check_alone(path, pullbacks)
     measured = [_with_pullback(path, series, measured) if series.quantity == DRIFT else series for series in measured]
     order_of = {name: number for number, name in enumerate(conditions)}
@@ -203,22 +201,17 @@ def _check_row(
     elif not pd.isna(row.distance):
         fail("distance", row.distance, "only the pressure or ratio of a pullback has a distance; remove it")
     elif str(row.location) not in locations[row.quantity]:
-        near = difflib.get_close_matches(str(row.location), locations[row.quantity], n=3, cutoff=0.3)
         known = locations[row.quantity]
-        hint = (
-            f"similar: {', '.join(near)}" if near else f"for example {', '.join(known[:3])}" if known else "it has none"
-        )
+        near = difflib.get_close_matches(str(row.location), known, n=3, cutoff=0.3)
+        example = f"for example {', '.join(known[:3])}" if known else "it has none"
+        hint = f"similar: {', '.join(near)}" if near else example
         fail("location", row.location, f"the model has no such {row.quantity} location; {hint}")
     if str(row.unit) not in UNITS[row.quantity]:
         fail("unit", row.unit, f"not a unit of {row.quantity}; known: {', '.join(UNITS[row.quantity])}")
     if not _number(row.value):
         fail("value", row.value, "expected a number; remove rows without one")
     if not _number(row.sd) or row.sd <= 0:
-        fail(
-            "sd",
-            row.sd,
-            "expected a positive standard deviation in the unit of the value",
-        )
+        fail("sd", row.sd, "expected a positive standard deviation in the unit of the value")
     if row.statistic == "waveform" and not _number(row.time):
         fail("time", row.time, "expected the time within the cycle, s")
 
@@ -259,13 +252,9 @@ def _check_waveform(path: str | Path, key: Iterable, time: np.ndarray, period: f
     phase = np.sort(time % period)
     gap = float(max(np.diff(phase, append=phase[0] + period)) / period)
     if gap > WIDEST_GAP:
-        raise InputError(
-            path,
-            f"{where}: largest gap over period",
-            round(gap, 3),
-            f"the waveform does not cover the cycle of {period:.4g} s; give the whole cycle, or set the condition's "
-            "period_scale",
-        )
+        remedy = f"the waveform does not cover the cycle of {period:.4g} s; give the whole cycle, or set the "
+        remedy += "condition's period_scale"
+        raise InputError(path, f"{where}: largest gap over period", round(gap, 3), remedy)
 
 
 def measured_conditions(measured: list[Measured]) -> list[str]:

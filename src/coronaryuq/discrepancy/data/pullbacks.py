@@ -51,9 +51,8 @@ def path_of(topology: Topology, location: str, fail: Fail) -> tuple[str, ...]:
     path = [named[0]]
     for vessel in named[1:]:
         if vessel == path[-1] or not nx.has_path(topology.graph, path[-1], vessel):
-            fail(
-                "location", location, f"{vessel} is not downstream of {path[-1]}; name vessels from proximal to distal"
-            )
+            remedy = f"{vessel} is not downstream of {path[-1]}; name vessels from proximal to distal"
+            fail("location", location, remedy)
         path += nx.shortest_path(topology.graph, path[-1], vessel)[1:]
     for vessel in path:
         length = topology.vessels[vessel].get("vessel_length")
@@ -95,11 +94,8 @@ def read_pullback(
 
     vessels = path_of(topology, str(rows["location"].iloc[0]), fail)
     if len(rows) < LEAST_READINGS:
-        fail(
-            "distance",
-            len(rows),
-            f"a pullback needs at least {LEAST_READINGS} readings; or give a pressure by BLOCK:BLOCK",
-        )
+        remedy = f"a pullback needs at least {LEAST_READINGS} readings; or give a pressure by BLOCK:BLOCK"
+        fail("distance", len(rows), remedy)
     distance = rows["distance"].to_numpy(float) * rows["distance_unit"].map(LENGTHS).to_numpy(float)
     length = sum(topology.length(vessel) for vessel in vessels)
     for row, along in zip(rows.index, distance, strict=True):
