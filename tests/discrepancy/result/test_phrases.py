@@ -101,7 +101,7 @@ def test_the_probability_of_a_class_is_separate_from_that_of_its_first_member():
 def test_every_nuisance_parameter_far_outside_its_prior_is_listed(strains, text):
     located = Located(1.0, {}, [], [PriorConflict(name, sd, sd, p) for name, sd, p in strains])
     nuisances = [Nuisance(name, 0.5) for name, _, _ in strains]
-    conflicts = [vars(one) | {"factor": factor} for one, factor in prior_conflicts(located, nuisances, LEVEL)]
+    conflicts = prior_conflicts(located, nuisances, LEVEL)
     assert phrases.conflict_text("It moves", conflicts) == text
 
 

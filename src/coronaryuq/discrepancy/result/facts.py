@@ -5,7 +5,7 @@ import numpy as np
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
+from coronaryuq.discrepancy.inference.locate import Located
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -116,8 +116,8 @@ def noise_excess(located: Located, mean_square: float, level: float) -> float | 
     return float(np.sqrt(mean_square))
 
 
-def prior_conflicts(located: Located, nuisances: list[Nuisance], level: float) -> list[tuple[PriorConflict, float]]:
+def prior_conflicts(located: Located, nuisances: list[Nuisance], level: float) -> list[dict]:
     """Return nuisance parameters in conflict with their prior at `level` or far outside it, with their factors."""
     sd = {nuisance.name: nuisance.sd for nuisance in nuisances}
     conflicts = [one for one in located.conflicts if one.p < level or abs(one.moved) > RULE.distorted]
-    return [(one, float(np.exp(sd[one.name] * one.moved))) for one in conflicts]
+    return [vars(one) | {"factor": float(np.exp(sd[one.name] * one.moved))} for one in conflicts]

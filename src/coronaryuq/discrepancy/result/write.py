@@ -16,7 +16,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_correlated
-from coronaryuq.discrepancy.result.facts import Z_90, facts, prior_conflicts
+from coronaryuq.discrepancy.result.facts import facts, prior_conflicts, with_interval
 from coronaryuq.discrepancy.result.pullback_table import pullback_table
 from coronaryuq.discrepancy.result.repair import repaired
 from coronaryuq.discrepancy.result.source_table import source_entry, source_table
@@ -30,15 +30,10 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 
 def summary(found: Discovery) -> dict:
     """Return the content of `discrepancy.json`, from which the summary in words is made."""
-    held_out = held_out_names(found.problem.forward.conditions)
-    level, told = found.problem.settings.false_discovery_rate, named(found)
-    measured = measured_conditions(found.measured)
+    forward, settings = found.problem.forward, found.problem.settings
+    held_out, measured = held_out_names(forward.conditions), measured_conditions(found.measured)
     scheme = "held out" if held_out else "each in turn" if len(measured) > 1 else "each series in turn"
-    conflicts = [
-        [vars(strain) | {"factor": factor} for strain, factor in prior_conflicts(located, nuisances, alarm_level)]
-        for nuisances, alarm_level in [(found.problem.forward.nuisances, found.problem.settings.alarm_level)]
-        for located in (found.located, found.remaining)
-    ]
+    located = [group for group in found.located.groups if group.q < settings.false_discovery_rate]
     return {
         "alarm": found.alarm,
         "consistent": found.consistent,
@@ -46,17 +41,14 @@ def summary(found: Discovery) -> dict:
         "outliers": [vars(one) for one in found.outliers],
         "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
         "global_test": {"p": found.located.p, **found.located.tests},
-        "prior_conflicts": conflicts[0],
-        "prior_conflicts_remaining": conflicts[1],
-        "located": [vars(group) | {"unit": "CGS"} for group in found.located.groups if group.q < level][:40],
-        "named": told,
-        "scales": _scales(found.problem.forward.anatomy),
+        "prior_conflicts": prior_conflicts(found.located, forward.nuisances, settings.alarm_level),
+        "prior_conflicts_remaining": prior_conflicts(found.remaining, forward.nuisances, settings.alarm_level),
+        "located": [vars(group) | {"unit": "CGS"} for group in located[:40]],
+        "named": named(found),
+        "scales": _scales(forward.anatomy),
         "rounds": [
-            [
-                {"effect": c.effect.name, "place": c.place, "share": c.share, "score": c.z_score}
-                for c in entry.shortlist[:10]
-            ]
-            for entry in found.rounds
+            [{"effect": c.effect.name, "place": c.place, "share": c.share, "score": c.z_score} for c in shortlist]
+            for shortlist in (entry.shortlist[:10] for entry in found.rounds)
         ],
         "outside_library": found.outside_library,
         "not_confirmed": [
@@ -88,40 +80,34 @@ def summary(found: Discovery) -> dict:
 
 def named(found: Discovery) -> list[dict]:
     """List the named effects: probability, class, sizes and, for a class, the measurements that best distinguish it."""
-    forward = found.problem.forward
     rounds = {entry.named.placed: entry for entry in found.named}
-    result = []
-    for placed in found.hypothesis:
-        effect, place = placed
-        sizes, values = {}, {}
-        for parameter, z, sd in found.sizes(placed):
-            low, mid, high = (float(parameter.from_standard(z + k * sd)) for k in (-Z_90, 0.0, Z_90))
-            values[parameter.name] = mid
-            sizes[parameter.name] = {"value": mid, "interval_90": [low, high], "unit": parameter.unit}
-        entry = rounds.get(placed)
-        if entry is None:
-            continue
-        result.append(
-            {
-                "effect": effect.name,
-                "place": place,
-                "probability": found.probability(entry, entry.named),
-                "class": [_member(found, entry, c) for c in entry.members],
-                "class_probability": found.class_probability(entry),
-                "log_evidence": _adds(entry),
-                "sizes": sizes,
-                "by_condition": _by_condition(found, placed),
-                "beyond_prior": [parameter.name for parameter in found.beyond_prior(placed)],
-                "physical": effect.physical(place, values, forward.anatomy),
-                "formula": effect.formula,
-                "signature": effect.signature,
-                "source": effect.source,
-                "encoding": effect.native,
-                "next_measurements": next_measurements(found, entry),
-            }
-        )
-    order = [entry.named.placed for entry in found.named]
-    return sorted(result, key=lambda one: [(e.name, p) for e, p in order].index((one["effect"], one["place"])))
+    # In the order of the hypothesis: in a closed loop, runs start from the states of those before them.
+    each = {placed: _named(found, placed, rounds[placed]) for placed in found.hypothesis if placed in rounds}
+    return [each[placed] for placed in rounds]
+
+
+def _named(found: Discovery, placed: PlacedEffect, entry: Round) -> dict:
+    (effect, place), sizes, values = placed, {}, {}
+    for parameter, z, sd in found.sizes(placed):
+        values[parameter.name], *ends = with_interval(parameter, z, sd)
+        sizes[parameter.name] = {"value": values[parameter.name], "interval_90": ends, "unit": parameter.unit}
+    return {
+        "effect": effect.name,
+        "place": place,
+        "probability": found.probability(entry, entry.named),
+        "class": [_member(found, entry, c) for c in entry.members],
+        "class_probability": found.class_probability(entry),
+        "log_evidence": _adds(entry),
+        "sizes": sizes,
+        "by_condition": _by_condition(found, placed),
+        "beyond_prior": [parameter.name for parameter in found.beyond_prior(placed)],
+        "physical": effect.physical(place, values, found.problem.forward.anatomy),
+        "formula": effect.formula,
+        "signature": effect.signature,
+        "source": effect.source,
+        "encoding": effect.native,
+        "next_measurements": next_measurements(found, entry),
+    }
 
 
 def _adds(entry: Round) -> dict | None:
@@ -139,10 +125,8 @@ def _by_condition(found: Discovery, placed: PlacedEffect) -> dict:
     """Return the log odds that the first size differs between conditions, and its 90 % interval under each."""
     one = next(c for c in found.answer.constancies if c.placed == placed)
     parameter = placed.effect.parameters[0]
-    sizes = {
-        name: [float(parameter.from_standard(mean + k * sd)) for k in (-Z_90, 0.0, Z_90)]
-        for name, (mean, sd) in one.known.items()
-    }
+    each = {name: with_interval(parameter, mean, sd) for name, (mean, sd) in one.known.items()}
+    sizes = {name: [low, value, high] for name, (value, low, high) in each.items()}
     odds = one.log_odds if np.isfinite(one.log_odds) else None
     return {"log_odds_that_it_differs": odds, parameter.name: sizes}
 
@@ -174,16 +158,8 @@ def _scales(anatomy: Anatomy) -> dict:
 
 WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
-    *(
-        "gap.csv",
-        "pullback.csv",
-        "source.csv",
-        "repaired.json",
-        "measurements.csv",
-        "conditions.yaml",
-        "difference.txt",
-    ),
-    *("pairs.csv", "laws.csv", "effects.csv", "predicted.csv"),
+    *("gap.csv", "pullback.csv", "source.csv", "repaired.json", "measurements.csv", "conditions.yaml"),
+    *("difference.txt", "pairs.csv", "laws.csv", "effects.csv", "predicted.csv"),
 )
 """All files that a search may write, apart from the folder `drives`."""
 A_CASE = ("measurements.csv", "conditions.yaml")
@@ -207,11 +183,8 @@ def write(found: Discovery, folder: Path) -> dict:
     and, unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
     """
     answer = summary(found)
-    mended = (
-        None
-        if found.outside_library
-        else repaired(replace(found.problem.forward, measured=found.measured), found.hypothesis, found.fit)
-    )
+    as_stated = replace(found.problem.forward, measured=found.measured)
+    mended = None if found.outside_library else repaired(as_stated, found.hypothesis, found.fit)
     residuals = _residuals(found)
     tables = {
         "located.csv": pd.DataFrame([vars(group) for group in found.located.groups]),
@@ -235,24 +208,18 @@ def write(found: Discovery, folder: Path) -> dict:
 
 def _residuals(found: Discovery) -> pd.DataFrame:
     problem = found.problem
-    series = [problem.forward.measured[i] for i in problem.owner]
-    parameters = problem.forward.nuisances
+    measured, parameters = problem.forward.measured, problem.forward.nuisances
+    series = [measured[i] for i in problem.owner]
     (plain,) = found.base_problem.whitened([(without_noise(parameters, found.base.z), PLAIN)])
     (repaired,) = problem.whitened([(without_noise(parameters, found.fit.z), found.hypothesis)])
-    unknown = [np.full(s.value.size, np.nan) for s in problem.forward.measured]
-    times, distances = (
-        np.concatenate([blank if own is None else own for blank, own in zip(unknown, given, strict=True)])
-        for given in (
-            [s.time for s in problem.forward.measured],
-            [s.pullback.distance / units.MM if s.pullback else None for s in problem.forward.measured],
-        )
+    unknown = [np.full(s.value.size, np.nan) for s in measured]
+    times = np.concatenate([own if s.time is None else s.time for s, own in zip(measured, unknown, strict=True)])
+    distances = np.concatenate(
+        [s.pullback.distance / units.MM if s.pullback else own for s, own in zip(measured, unknown, strict=True)]
     )
     return pd.DataFrame(
-        {
-            "condition": [s.condition for s in series],
-            "quantity": [s.quantity for s in series],
-            "location": [s.location for s in series],
-            "statistic": [s.statistic for s in series],
+        {name: [getattr(s, name) for s in series] for name in ("condition", "quantity", "location", "statistic")}
+        | {
             "time": times,
             "phase": times / np.array([s.period for s in series]),
             "distance_mm": distances,
