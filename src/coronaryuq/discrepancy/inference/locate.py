@@ -99,34 +99,23 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
     sd = problem.sd[problem.train]
     noise = fit.z - without_noise(problem.forward.nuisances, fit.z)
     residual = (fit.residual + fit.jacobian @ noise) * sd
-    keys, columns = [], []
-    series = problem.forward.measured
+    tested, columns = [], []
     for number, own, phase in phases(problem, problem.train):
-        for location, part, rows in _parts(problem, series[number], own, phase):
+        series = problem.forward.measured[number]
+        for location, part, rows in _parts(problem, series, own, phase):
             if rows.size:
                 column = np.zeros(len(sd))
                 column[rows] = 1.0 / sd[rows]
-                keys.append((number, location, part, float(residual[rows].mean())))
+                key = location, series.quantity, series.statistic, series.condition
+                tested.append((*key, part, float(residual[rows].mean())))
                 columns.append(column)
     matrix = np.array(columns).T
     variance = np.einsum("ij,ij->j", matrix, fit.projection(matrix))
     z = (matrix.T @ score) / np.sqrt(np.maximum(variance, 1e-300))
     p = 2.0 * stats.norm.sf(np.abs(z))
     q = false_discovery(p)
-    groups = [
-        Disagreement(
-            location,
-            series[i].quantity,
-            series[i].statistic,
-            series[i].condition,
-            part,
-            mean,
-            float(z[k]),
-            float(p[k]),
-            float(q[k]),
-        )
-        for k, (i, location, part, mean) in enumerate(keys)
-    ]
+    scores = zip(z.tolist(), p.tolist(), q.tolist(), strict=True)
+    groups = [Disagreement(*group, *score) for group, score in zip(tested, scores, strict=True)]
     return sorted(groups, key=lambda group: -abs(group.score))
 
 
