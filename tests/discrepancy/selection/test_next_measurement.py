@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.selection.next_measurement import information, without_measurement_errors
+from coronaryuq.discrepancy.selection.next_measurement import information
 from support.hypotheses import assume
 
 
@@ -30,7 +30,7 @@ def test_information_in_between_agrees_with_sampling():
 def test_another_instrument_does_not_share_a_measurement_error():
     """A new reading shows only the part of a hypothesis that concerns the patient."""
     offset, loss = ("pressure_offset", "a:b"), ("stenosis_with_viscous_loss", "a")
-    z, hypothesis = without_measurement_errors(np.arange(5.0), assume(offset, loss))
+    z, hypothesis = assume(offset, loss).without_measurement_errors(np.arange(5.0))
     assert z.tolist() == [0.0, 1.0, 3.0, 4.0] and hypothesis == assume(loss)
-    z, hypothesis = without_measurement_errors(np.arange(3.0), assume(offset))
+    z, hypothesis = assume(offset).without_measurement_errors(np.arange(3.0))
     assert z.tolist() == [0.0, 1.0] and hypothesis == assume()

@@ -90,6 +90,14 @@ class Hypothesis:
         """Return z (p,) without the sizes of an effect."""
         return np.delete(z, self.columns(z, placed))
 
+    def without_measurement_errors(self, z: np.ndarray) -> tuple[np.ndarray, "Hypothesis"]:
+        """Return z (p,) and the hypothesis without the effects on measurements, which another instrument lacks."""
+        left = self
+        for placed in self:
+            if placed.effect.side == "measurement":
+                z, left = left.drop(z, placed), left.without(placed)
+        return z, left
+
 
 PLAIN = Hypothesis()
 """The unmodified model, without any effect."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from coronaryuq.case.network.network import HEART, Network
+from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import write_csv
@@ -35,11 +35,8 @@ WRITTEN_IN = {
     "drift": "mmHg",
 }
 """Unit of each quantity in the measurement table of a repaired network."""
-PARTS = (
-    ("vessels", "vessel_name", "zero_d_element_values", "zero_d_element_type"),
-    ("boundary_conditions", "bc_name", "bc_values", "bc_type"),
-)
-"""Key of name, values and type of the blocks in each part of a network."""
+CHANGED = ("vessels", "boundary_conditions", "closed_loop_blocks")
+"""Parts of a network whose values effects and recalibration change."""
 
 
 def repaired_network(forward: Forward, hypothesis: Hypothesis, z: np.ndarray) -> Network:
@@ -87,18 +84,13 @@ def repaired_conditions(forward: Forward, hypothesis: Hypothesis, z: np.ndarray)
     return entries, waves
 
 
-def renamed_locations(forward: Forward, hypothesis: Hypothesis) -> dict[str, str]:
-    """Return old name → new name of the locations that the repaired network renames."""
-    return forward.simulation.prepared(forward.simulation.inserting(hypothesis)).renamed
-
-
 def repaired_measurements(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> pd.DataFrame:
     """Return the measurement table with the locations of the repaired network, and without the errors of sensors.
 
     What the named errors of sensors change in the predictions is subtracted from the values, and its uncertainty is
     added to the standard deviations.
     """
-    renamed, rows = renamed_locations(forward, hypothesis), []
+    renamed, rows = forward.simulation.prepared(hypothesis).renamed, []
     changes, spreads = _by_sensors(forward, hypothesis, fit)
     for series, change, spread in zip(forward.measured, changes, spreads, strict=True):
         quantity = series.table_quantity
@@ -120,9 +112,6 @@ def repaired_measurements(forward: Forward, hypothesis: Hypothesis, fit: Fit) ->
 def _by_sensors(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the change of each series (1, k) by errors of sensors, and its standard deviation, CGS."""
     errors = [placed for placed in hypothesis if placed.effect.side == "measurement"]
-    without, z = hypothesis, np.array(fit.z)
-    for placed in errors:
-        without, z = without.without(placed), np.delete(z, without.columns(z, placed))
     if not errors:
         none = forward.split(np.zeros((1, forward.size)))
         return none, none
@@ -130,7 +119,8 @@ def _by_sensors(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> tuple[lis
     spread = np.sqrt(np.diag(fit.posterior.moments()[1]))[columns]
     moved = np.tile(fit.z, (len(columns) + 1, 1))
     moved[np.arange(1, len(moved)), columns] += spread
-    plain, read, *further = forward.predict_rows([(z, without), *((row, hypothesis) for row in moved)])
+    without = hypothesis.without_measurement_errors(fit.z)
+    plain, read, *further = forward.predict_rows([without, *((row, hypothesis) for row in moved)])
     squares = sum(((other - read) ** 2 for other in further), start=np.zeros(len(read)))
     return forward.split((read - plain)[None, :]), forward.split(np.sqrt(squares)[None, :])
 
@@ -141,27 +131,22 @@ def difference(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> str:
     lines = [*_effect_lines(forward, hypothesis, fit), "", "Recalibration (factors)"]
     for nuisance, z in ((n, z) for n, z in zip(forward.nuisances, fit.z, strict=False) if n.shape is None):
         lines.append(f"  {nuisance.name}: {float(nuisance.factor(z)):.4f}")
-    for part, key in (("vessels", "vessel_name"), ("junctions", "junction_name"), ("boundary_conditions", "bc_name")):
-        names = {entry[key] for entry in before.get(part, [])}
-        added = [entry[key] for entry in after.get(part, []) if entry[key] not in names]
+    known = {(one.part, one.name): one for one in before.elements()}
+    for part in ("vessels", "junctions", "boundary_conditions"):
+        added = [one.name for one in after.elements() if one.part == part and (part, one.name) not in known]
         if added:
             lines += ["", f"Added {part}: {', '.join(added)}"]
-    renamed = renamed_locations(forward, hypothesis)
+    renamed = forward.simulation.prepared(hypothesis).renamed
     if renamed:
         lines += ["", "Renamed locations (old -> new); measurements.csv uses the new names"]
         lines += [f"  {old} -> {new}" for old, new in renamed.items()]
     lines += ["", "Values (old -> new)"]
-    for part, key, values, kind in PARTS:
-        blocks = {entry[key]: entry for entry in before.get(part, [])}
-        for entry in after.get(part, []):
-            if entry[key] in blocks:
-                name, old = entry[key], blocks[entry[key]]
-                if old.get(kind) != entry.get(kind):
-                    lines.append(f"  {name}: {old.get(kind)} -> {entry.get(kind)}")
-                lines += value_changes(name, old[values], entry[values])
-    hearts = (network.get("closed_loop_blocks", []) for network in (before, after))
-    for old, new in zip(*hearts, strict=True):
-        lines += value_changes(HEART, old["parameters"], new["parameters"])
+    for new in after.elements():
+        old = known.get((new.part, new.name))
+        if old is not None and new.part in CHANGED:
+            if old.kind != new.kind:
+                lines.append(f"  {new.name}: {old.kind} -> {new.kind}")
+            lines += value_changes(new.name, old.values, new.values)
     return "\n".join(lines) + "\n"
 
 

@@ -7,7 +7,6 @@ from scipy.special import logsumexp
 
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.selection.candidates import Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
@@ -52,7 +51,7 @@ def next_measurements(discovery: Discovery, entry: Round) -> list[dict]:
     count = len(forward.nuisances)
     rows = [(c.fitted.z, entry.others.with_(c.placed)) for c in members]
     usable = [
-        without_measurement_errors(z, hypothesis)
+        hypothesis.without_measurement_errors(z)
         for z, hypothesis in rows
         if len(z) == count + len(hypothesis.parameters)
     ]
@@ -91,14 +90,6 @@ def information(predicted: np.ndarray) -> np.ndarray:
         behind = 0.5 * (nodes[:, None] ** 2 - (read[None] - predicted[:, None, :]) ** 2)
         gained += weights @ (np.log(len(predicted)) - logsumexp(behind, axis=0))
     return gained / len(predicted) / weights.sum()
-
-
-def without_measurement_errors(z: np.ndarray, hypothesis: Hypothesis) -> tuple[np.ndarray, Hypothesis]:
-    """Return parameters and hypothesis without measurement errors, which another instrument would not have."""
-    for placed in hypothesis:
-        if placed.effect.side == "measurement":
-            z, hypothesis = hypothesis.drop(z, placed), hypothesis.without(placed)
-    return z, hypothesis
 
 
 def _feasible(forward: Forward) -> list[Measured]:

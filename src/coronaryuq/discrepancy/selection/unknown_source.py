@@ -91,7 +91,8 @@ def unknown_source(
         responses = _responses(problem, model.z, hypothesis, place)
         if np.isfinite(responses).all():
             columns = _columns(problem, responses)
-            found.append((place, responses, _averaged([_right(problem, model, scale * columns) for scale in SCALES])))
+            alternatives = [of_all(problem, model.extended(scale * columns)) for scale in SCALES]
+            found.append((place, responses, _averaged(alternatives)))
     found.sort(key=lambda one: -one[2])
     nodes = [(place, evidence - without) for place, _, evidence in found]
     if not found or nodes[0][1] <= 0.0:
@@ -107,7 +108,7 @@ def _described(
     evidences, sizes = {FREE: evidence}, {}
     for law, column in _laws(problem, model.z, hypothesis, place, responses).items():
         alternatives = [of_all(problem, model.extended(scale * column[:, None])) for scale in SCALES]
-        evidences[law] = _averaged([one.right for one in alternatives])
+        evidences[law] = _averaged(alternatives)
         sizes[law] = _size(alternatives)
     total = logsumexp(list(evidences.values()))
     laws = {name: float(np.exp(value - total)) for name, value in evidences.items()}
@@ -189,11 +190,8 @@ def _at(
         for quantity in ("pressure", "flow")
         for name, period in forward.periods.items()
     ]
-    body = [placed for placed in hypothesis if placed.effect.side == "network"]
-    for placed in hypothesis:
-        if placed not in body:
-            z, hypothesis = hypothesis.drop(z, placed), hypothesis.without(placed)
-    values = replace(forward, measured=asked, shapes=None).predict(z, hypothesis)[0].reshape(2, -1, POINTS)
+    simulated = hypothesis.without_measurement_errors(z)
+    values = replace(forward, measured=asked, shapes=None).predict(*simulated)[0].reshape(2, -1, POINTS)
     pressure, flow = (dict(zip(forward.periods, rows, strict=True)) for rows in values)
     return pressure, flow
 
@@ -204,9 +202,6 @@ def _standard_basis() -> np.ndarray:
     return np.array(sds)[:, None] * basis(np.arange(POINTS) / POINTS)
 
 
-def _right(problem: Problem, model: Linear, columns: np.ndarray) -> float:
-    return of_all(problem, model.extended(columns)).right
-
-
-def _averaged(evidence: Sequence[float]) -> float:
-    return float(logsumexp(evidence) - np.log(len(evidence)))
+def _averaged(alternatives: Sequence[Posterior]) -> float:
+    """Return the log evidence of a right model, averaged over equally likely alternatives."""
+    return float(logsumexp([one.right for one in alternatives]) - np.log(len(alternatives)))
