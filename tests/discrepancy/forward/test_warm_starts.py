@@ -64,7 +64,7 @@ def test_a_warm_start_has_the_required_blood_volume(problem):
     own = np.array([grafted.start["rest"]])
     changes = {"BC_RCR1.C": np.array([1.3 * grafted.values["rest"]["BC_RCR1.C"]])}
     structure = Structure(grafted.engine, grafted.renamed)
-    found = starts.near(["rest"], [Point(np.full(problem.count, 0.6), {})], structure, own, changes)
+    found = starts.near([("rest", Point(np.full(problem.count, 0.6), {}))], structure, own, changes)
     volume = BloodVolume(grafted.engine.model)
     assert volume.evaluate(found, changes)[0] == pytest.approx(volume.evaluate(own, changes)[0], rel=1e-12)
     names = grafted.engine.state_names
@@ -77,7 +77,7 @@ def test_far_points_start_at_the_state_of_the_unmodified_model(problem):
     starts = WarmStarts()
     starts.keep("rest", Point(np.full(problem.count, 3.0), {}), plain.structure, plain.start["rest"] + 1.0)
     own = np.array([plain.start["rest"]])
-    assert (starts.near(["rest"], [Point(np.zeros(problem.count), {})], plain.structure, own, {}) == own).all()
+    assert (starts.near([("rest", Point(np.zeros(problem.count), {}))], plain.structure, own, {}) == own).all()
 
 
 def test_runs_that_differ_in_other_conditions_only_are_one(problem):

@@ -13,6 +13,10 @@ MANY = 20
 """Number of collaterals in one network; all pairs of outlets together would couple all vessels."""
 
 
+Sizes = list[dict[str, float]]
+"""Sizes of each effect of a hypothesis by name, in the units of its parameters."""
+
+
 class PlacedEffect(NamedTuple):
     """An effect at a place of the network."""
 
@@ -68,7 +72,7 @@ class Hypothesis:
         """Return the sizes of an effect in z (p,), in standard deviations of their priors."""
         return z[self.columns(z, placed)]
 
-    def physical_sizes(self, z: np.ndarray) -> list[dict[str, float]]:
+    def physical_sizes(self, z: np.ndarray) -> Sizes:
         """Return for each effect its sizes in z (p,) by name, in the units of its parameters."""
         return [
             {
@@ -77,6 +81,11 @@ class Hypothesis:
             }
             for placed in self.effects
         ]
+
+    def on_network(self, sizes: Sizes) -> list[tuple]:
+        """Return names, places and sizes of the effects on the network."""
+        pairs = zip(self, sizes, strict=True)
+        return [(*placed.key, *own.values()) for placed, own in pairs if placed.effect.side == "network"]
 
     def all_sizes(self, z: np.ndarray) -> np.ndarray:
         """Return the sizes of all effects in z (p,)."""
@@ -111,9 +120,3 @@ def shared_grafts(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedE
         turn = kinds[:number].count((beyond, True)) // MANY if collateral else 0
         shares.setdefault((beyond, turn), []).append(one)
     return {one: share for share in shares.values() for one in share}
-
-
-def network_sizes(hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> list[tuple]:
-    """Return names, places and sizes of the effects on the network."""
-    pairs = zip(hypothesis, sizes, strict=True)
-    return [(*placed.key, *own.values()) for placed, own in pairs if placed.effect.side == "network"]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect, Sizes
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Series, Values
 
@@ -12,7 +12,7 @@ Instruments = list[tuple[PlacedEffect, Values]]
 """Effects on the waveforms of one sample, with their sizes (1,)."""
 
 
-def instruments(hypothesis: Hypothesis, sizes: list[dict[str, float]]) -> Instruments:
+def instruments(hypothesis: Hypothesis, sizes: Sizes) -> Instruments:
     """Return the effects that act on waveforms, sorted by name so that the order of the hypothesis does not matter."""
     found = [
         (placed, {name: np.array([value]) for name, value in values.items()})

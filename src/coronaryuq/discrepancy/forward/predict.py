@@ -7,19 +7,20 @@ from functools import cached_property, partial
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.topology import Topology
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.feedback import Feedback
-from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect, network_sizes, shared_grafts
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect, Sizes, shared_grafts
 from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, delays, instruments, places_read
 from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
 from coronaryuq.discrepancy.forward.network_values import inner_unknowns, with_values
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.forward.pullbacks import Extents, Layout, extents, pressures, read
-from coronaryuq.discrepancy.forward.simulation import Simulation, elements
+from coronaryuq.discrepancy.forward.pullbacks import REDUCE, Extents, extents, pressures, read
+from coronaryuq.discrepancy.forward.simulation import Simulation
 from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
@@ -84,7 +85,7 @@ class Forward:
 
     def predict_rows(
         self,
-        rows: list[tuple[np.ndarray, Hypothesis]],
+        rows: list[Row],
         conditions: Collection[str] | None = None,
         grafts: Sequence[PlacedEffect] = (),
     ) -> np.ndarray:
@@ -118,7 +119,8 @@ class Forward:
             inserted = [*share, *(placed for placed in inserted if placed not in share)]
             # Effects with feedback take several runs.
             feedback = any(effect.feedback for effect, _ in hypothesis)
-            _, identical = groups.setdefault((*elements(inserted), feedback, all_conditions), (inserted, {}))
+            structure = tuple(placed.key for placed in inserted)
+            _, identical = groups.setdefault((*structure, feedback, all_conditions), (inserted, {}))
             identical.setdefault(self._run_key(z, hypothesis), []).append(number)
         computations = []
         for (*_, all_conditions), (inserted, identical) in groups.items():
@@ -152,33 +154,36 @@ class Forward:
     def _predict_group(
         self, rows: list[Row], names: list[str], inserted: list[PlacedEffect]
     ) -> Computation[np.ndarray]:
+        prepared = self.simulation.prepared(inserted)
         sizes = [hypothesis.physical_sizes(z) for z, hypothesis in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
-        waveforms, layout = yield from self._simulate(rows, sizes, names, inserted)
         chains = [instruments(hypothesis, s) for (_, hypothesis), s in zip(rows, sizes, strict=True)]
+        waveforms = yield from self._simulate(prepared, rows, sizes, chains, names)
         placed = [extents(hypothesis, s, self.anatomy) for (_, hypothesis), s in zip(rows, sizes, strict=True)]
-        return np.concatenate(self.readings(waveforms, z, layout, chains, placed), axis=1)
+        blocks = self.readings(waveforms, z, prepared.topology, prepared.renamed, chains, placed)
+        return np.concatenate(blocks, axis=1)
 
     def readings(
         self,
         waveforms: Waveforms,
         z: np.ndarray,
-        layout: Layout,
+        topology: Topology,
+        renamed: dict[str, str] | None = None,
         chains: Sequence[Instruments] = (),
         placed: Sequence[Extents] = (),
     ) -> list[np.ndarray]:
         """Return the values (n, values) of each series from simulated waveforms; NaN under conditions not given.
 
-        z: (n, p), for the tissue masses. layout: of the simulated network. chains, placed: instruments, and places of
-        focal losses, of each of n rows.
+        z: (n, p), for the tissue masses. topology: of the simulated network. renamed: old → new names of its locations.
+        chains, placed: instruments, and places of focal losses, of each of n rows.
         """
         blocks = [np.full((len(z), series.value.size), np.nan) for series in self.measured]
-        renamed = layout.renamed
+        renamed = renamed or {}
         for i, series in enumerate(self.measured):
             if series.condition in waveforms and series.pullback is not None:
                 waves, places = waveforms[series.condition], placed or [{}] * len(z)
                 root = self._root_pressure(renamed)
-                blocks[i] = read(series, waves, layout.topology, places, root, self.pressure_factor)
+                blocks[i] = read(series, waves, topology, places, root, self.pressure_factor)
             elif series.condition in waveforms:
                 waves = waveforms[series.condition]
                 used = [waves[name] for name in self.variables(series, renamed)]
@@ -210,13 +215,10 @@ class Forward:
         return np.split(values, ends[:-1], axis=1)
 
     def _simulate(
-        self, rows: list[Row], sizes: list[list[dict[str, float]]], conditions: list[str], inserted: list[PlacedEffect]
-    ) -> Computation[tuple[Waveforms, Layout]]:
-        """Waveforms of all rows, and the layout of the network."""
-        prepared = self.simulation.prepared(inserted)
+        self, prepared: Prepared, rows: list[Row], sizes: list[Sizes], chains: list[Instruments], conditions: list[str]
+    ) -> Computation[Waveforms]:
+        """Return the waveforms of all rows."""
         renamed = prepared.renamed
-        chains = [instruments(hypothesis, values) for (_, hypothesis), values in zip(rows, sizes, strict=True)]
-        layout = Layout(prepared.topology, renamed)
         measured = [series for series in self.measured if series.condition in conditions]
         names = [
             name
@@ -231,7 +233,7 @@ class Forward:
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
         responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
         names = list(dict.fromkeys(names + (list(beds.values()) if any(responds) else [])))
-        points = [self.point(z, hypothesis) for z, hypothesis in rows]
+        points = [self.point(row, hypothesis) for row, hypothesis in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
         factors = {name: self.factors(prepared, name, z) for name in conditions}
         runs = [(name, i) for name in conditions for i in range(len(rows))]
@@ -244,7 +246,7 @@ class Forward:
             each, scaled = factors[name]
             assumed = feedback.assumed(number)
             # Most rows of a batch differ in nuisance parameters alone, on which these values do not depend.
-            key = (name, tuple(assumed.values()) if responds[i] else (), *network_sizes(rows[i][1], sizes[i]))
+            key = (name, tuple(assumed.values()) if responds[i] else (), *rows[i][1].on_network(sizes[i]))
             if key not in known:
                 known[key] = self.effect_values(prepared, name, rows[i][1], sizes[i], assumed)
             return Job(points[i], name, known[key], each[i], scaled)
@@ -262,11 +264,10 @@ class Forward:
             left = feedback.unsettled(left, resulting)
         for wave in waves.values():
             wave[feedback.failed] = np.nan
-        waveforms = {
+        return {
             name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in waves.items()}
             for k, name in enumerate(conditions)
         }
-        return waveforms, layout
 
     def condition_changes(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[dict, Network]:
         """Return the changes "BLOCK.parameter" → value at a point z (p,) under one condition, and the changed network.
@@ -292,12 +293,7 @@ class Forward:
         return job().table(prepared), prepared.networks[name]
 
     def effect_values(
-        self,
-        prepared: Prepared,
-        name: str,
-        hypothesis: Hypothesis,
-        sizes: list[dict[str, float]],
-        bed_pressure: dict[str, float],
+        self, prepared: Prepared, name: str, hypothesis: Hypothesis, sizes: Sizes, bed_pressure: dict[str, float]
     ) -> dict[str, np.ndarray | float]:
         """Return the parameter values set by all effects of one sample under a condition.
 
@@ -313,12 +309,8 @@ class Forward:
             condition.covariates,
         )
         changes: dict[str, np.ndarray | float] = {}
-        present_effects = [
-            (placed, values)
-            for placed, values in zip(hypothesis, sizes, strict=True)
-            if placed.effect.side == "network"
-        ]
-        for (effect, place), values in sorted(present_effects, key=lambda pair: pair[0].key):
+        acting = [pair for pair in zip(hypothesis, sizes, strict=True) if pair[0].effect.side == "network"]
+        for (effect, place), values in sorted(acting, key=lambda pair: pair[0].key):
             arrays = {name: np.array([value]) for name, value in values.items()}
             present = with_values(network, changes) if changes else network
             found = effect.changes(present, place, arrays, self.anatomy, situation)
@@ -378,12 +370,8 @@ class Forward:
             values = values / self._mass(series.location, z)[:, None]
         if series.time is not None:
             return interpolated(values, time, series.time, late, series.period)
-        reduce = {
-            "mean": lambda v: v[:, :-1].mean(axis=1),
-            "min": lambda v: v.min(axis=1),
-            "max": lambda v: v.max(axis=1),
-        }
-        return reduce[series.statistic](values)[:, None]
+        cycle = values[:, :-1] if series.statistic == "mean" else values
+        return REDUCE[series.statistic](cycle, axis=1)[:, None]
 
     def _mass(self, territory: str, z: np.ndarray) -> np.ndarray:
         column = next(i for i, nuisance in enumerate(self.nuisances) if nuisance.mass == territory)

@@ -7,12 +7,11 @@ as one that was inserted for a loss, loses its pressure at one point.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from coronaryuq.case.network.topology import Topology
-from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, Sizes
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Series
 from coronaryuq.zerod.effects.pullback import CHECK, OF_WIRE, Pullback
@@ -22,22 +21,10 @@ Extents = Mapping[str, tuple[float, float]]
 REDUCE: dict[str, Callable[..., np.ndarray]] = {"mean": np.mean, "min": np.min, "max": np.max}
 
 
-@dataclass(frozen=True)
-class Layout:
-    """Names in a network with inserted vessels.
-
-    renamed: old → new names of locations. topology: of the network with the inserted vessels.
-    """
-
-    topology: Topology
-    renamed: dict[str, str] = field(default_factory=dict)
-
-
-def extents(hypothesis: Hypothesis, sizes: list[dict[str, float]], anatomy: Anatomy) -> Extents:
+def extents(hypothesis: Hypothesis, sizes: Sizes, anatomy: Anatomy) -> Extents:
     """Return where the losses of the effects lie within their vessels."""
-    found = [
-        placed.effect.extent(placed.place, values, anatomy) for placed, values in zip(hypothesis, sizes, strict=True)
-    ]
+    pairs = zip(hypothesis, sizes, strict=True)
+    found = [effect.extent(place, values, anatomy) for (effect, place), values in pairs]
     return {name: (start, end) for name, start, end in (extent for extent in found if extent is not None)}
 
 

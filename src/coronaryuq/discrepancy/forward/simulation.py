@@ -15,7 +15,7 @@ from coronaryuq.discrepancy.forward.lockstep import Computation, Run
 from coronaryuq.discrepancy.forward.network_values import carry_over
 from coronaryuq.discrepancy.forward.warm_starts import Point, WarmStarts
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.solver.periodic import Extrapolate, Periodicity
+from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
 
 MOST_ENGINES = 150
@@ -79,7 +79,7 @@ class Simulation:
     def prepared(self, effects: Iterable[PlacedEffect]) -> Prepared:
         """Return the network with the elements of the effects, from the cache if possible."""
         inserted = self.inserting(effects)
-        key = elements(inserted)
+        key = tuple(placed.key for placed in inserted)
         if key not in self._engines:
             if len(self._engines) > MOST_ENGINES:
                 self._engines.clear()
@@ -126,10 +126,12 @@ class Simulation:
         own = None if any(state is None for state in starts) else np.array(starts)
         for numbers in batches(prepared, jobs):
             changes, left = stack(prepared, [jobs[i] for i in numbers]), np.array(numbers)
-            batch, start, ahead = [jobs[i] for i in numbers], None, None
-            if own is not None:
-                start = self._start(prepared, batch, own[left], changes)
-                ahead = self._ahead(prepared, batch, changes)
+            start, ahead = (None if own is None else own[left]), None
+            if start is not None and self._keeps:
+                batch = [jobs[i] for i in numbers]
+                points = [(job.condition, job.point) for job in batch]
+                start = self._known_states.near(points, prepared.structure, start, changes)
+                ahead = self._settling.ahead(self.prepared([]), prepared, batch, changes, self.steps_per_cycle)
             for tolerance in (TOLERANCE, LOOSE, LOOSE):
                 mine = np.isin(numbers, left)
                 patience = PATIENCE if tolerance == TOLERANCE else None
@@ -156,28 +158,11 @@ class Simulation:
         """Whether states and modes are reused in later runs; an open loop forgets its initial state."""
         return self.anatomy.closed_loop and self.alter is None
 
-    def _ahead(self, prepared: Prepared, jobs: list[Job], changes: dict) -> Extrapolate | None:
-        if not self._keeps:
-            return None
-        return self._settling.ahead(self.prepared([]), prepared, jobs, changes, self.steps_per_cycle)
-
-    def _start(self, prepared: Prepared, jobs: list[Job], own: np.ndarray, changes: dict) -> np.ndarray:
-        """Return initial states: those of the unmodified model, or the nearest known ones."""
-        if not self._keeps:
-            return own
-        conditions, points = [job.condition for job in jobs], [job.point for job in jobs]
-        return self._known_states.near(conditions, points, prepared.structure, own, changes)
-
     def _remember(self, prepared: Prepared, jobs: list[Job], result: Result) -> None:
         if self._keeps:
             for job, ok, state in zip(jobs, result.ok, result.state, strict=True):
                 if ok:
                     self._known_states.keep(job.condition, job.point, prepared.structure, state)
-
-
-def elements(inserted: list[PlacedEffect]) -> tuple:
-    """Return the key of the structure of a network with these effects."""
-    return tuple((effect.name, place) for effect, place in inserted)
 
 
 def _retry_states(result: Result, own: np.ndarray) -> np.ndarray:

@@ -43,7 +43,6 @@ class KnownStates:
     """The latest `MOST` points under one condition, as arrays for fast distances."""
 
     def __init__(self, count: int):
-        self.points: list[Point] = []
         self.origins: list[tuple[Structure, np.ndarray]] = []
         self._z, self._effects, self._engines = np.zeros((MOST, count)), np.zeros(MOST), np.zeros(MOST, dtype=object)
         self._sizes: dict[tuple[str, str], np.ndarray] = {}
@@ -53,14 +52,14 @@ class KnownStates:
     def fork(self) -> "KnownStates":
         """Return an independent copy."""
         other = copy.copy(self)
-        other.points, other.origins = self.points.copy(), self.origins.copy()
+        other.origins = self.origins.copy()
         other._z, other._effects, other._engines = self._z.copy(), self._effects.copy(), self._engines.copy()
         other._sizes = {key: sizes.copy() for key, sizes in self._sizes.items()}
         return other
 
     def distances(self, point: Point) -> np.ndarray:
         """Return the distances (n,) to all known points."""
-        count = len(self.points)
+        count = len(self.origins)
         squares = np.sum((self._z[:count] - point.z) ** 2, axis=1)
         differing = self._effects[:count] + len(point.sizes)
         for key, sizes in point.sizes.items():
@@ -73,17 +72,14 @@ class KnownStates:
 
     def has(self, point: Point, engine: Engine) -> bool:
         """Whether a close point of the same network is stored."""
-        return bool(np.any((self.distances(point) < NEAR) & (self._engines[: len(self.points)] == engine)))
+        return bool(np.any((self.distances(point) < NEAR) & (self._engines[: len(self.origins)] == engine)))
 
     def add(self, point: Point, structure: Structure, state: np.ndarray) -> None:
         """Add a point, replacing the oldest if there are `MOST`."""
         seat, self._kept = self._kept % MOST, self._kept + 1
-        if len(self.points) < MOST:
-            self.points.append(point)
-            self.origins.append((structure, state))
-        for key in self.points[seat].sizes.keys() & self._sizes.keys():
-            self._sizes[key][seat] = np.nan
-        self.points[seat], self.origins[seat] = point, (structure, state)
+        self.origins[seat : seat + 1] = [(structure, state)]
+        for known in self._sizes.values():
+            known[seat] = np.nan
         self._z[seat], self._effects[seat], self._engines[seat] = point.z, len(point.sizes), structure.engine
         for key, sizes in point.sizes.items():
             self._sizes.setdefault(key, np.full((MOST, len(sizes)), np.nan))[seat] = sizes
@@ -112,16 +108,16 @@ class WarmStarts:
             known.add(point, structure, state)
 
     def near(
-        self, conditions: Sequence[str], points: Sequence[Point], structure: Structure, own: np.ndarray, changes: dict
+        self, wanted: Sequence[tuple[str, Point]], structure: Structure, own: np.ndarray, changes: dict
     ) -> np.ndarray:
-        """Return the initial states (n, unknowns) of runs at `points`.
+        """Return the initial states (n, unknowns) of runs at points, each under a condition.
 
         own: (n, unknowns), initial states of the unmodified model. changes: solver parameters of the runs.
         """
         carried: dict[tuple[str, int], np.ndarray] = {}
         found = own.copy()
         moved = []
-        for number, (condition, point) in enumerate(zip(conditions, points, strict=True)):
+        for number, (condition, point) in enumerate(wanted):
             known = self._known.get(condition)
             if known is None:
                 continue

@@ -18,7 +18,6 @@ from coronaryuq.discrepancy.data.conditions import as_entry, write_conditions
 from coronaryuq.discrepancy.data.measurements import COLUMNS, Measured
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis
 from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
-from coronaryuq.discrepancy.forward.pullbacks import Layout
 from coronaryuq.discrepancy.forward.simulation import Simulation
 from coronaryuq.discrepancy.hidden.detectability import Row, least_trace
 from coronaryuq.discrepancy.hidden.experiment import Experiment
@@ -140,7 +139,7 @@ class Subject:
         rows: Waveforms = {
             condition: {name: wave[None, :] for name, wave in waves.items()} for condition, waves in waveforms.items()
         }
-        values = np.concatenate(forward.readings(rows, self.nuisance[None, :], Layout(forward.anatomy)), axis=1)[0]
+        values = np.concatenate(forward.readings(rows, self.nuisance[None, :], forward.anatomy), axis=1)[0]
         change = values - forward.predict(self.nuisance)[0]
         return Signal(hypothesis, sizes, values, [(self.nuisance, PLAIN)], [change], "3d")
 
