@@ -143,6 +143,12 @@ class Forward:
         """Columns of z that are weights of `shapes`."""
         return [column for column, nuisance in enumerate(self.nuisances) if nuisance.shape is not None]
 
+    @property
+    def noise_shapes(self) -> np.ndarray:
+        """Those of `shapes` that are noise of the measurements, (k, N)."""
+        rows = [nuisance.shape for nuisance in self.nuisances if nuisance.noise and nuisance.shape is not None]
+        return np.zeros((0, self.size)) if self.shapes is None else self.shapes[rows]
+
     def _run_key(self, z: np.ndarray, hypothesis: Hypothesis) -> tuple:
         """Identity of the readings before effects on the measurements that do not act on waveforms."""
         sizes = zip(hypothesis, hypothesis.physical_sizes(z), strict=True)

@@ -60,9 +60,7 @@ class AllData:
         series, forward = problem.forward.measured, problem.forward
         blocks = gp_discrepancy.blocks(problem)
         quantities = np.array([one.quantity for one in series])[problem.owner]
-        own = [n.shape for n in forward.nuisances if n.noise and n.shape is not None]
-        shapes = np.zeros((0, len(problem.y))) if forward.shapes is None else forward.shapes[own]
-        stated = PossibleNoise(0.0, np.zeros(len(problem.y)), shapes)
+        stated = PossibleNoise(0.0, np.zeros(len(problem.y)), forward.noise_shapes)
         self.names = list(dict.fromkeys(str(name) for name in quantities))
         noises = {name: problem.noises.get(name, (stated,)) for name in self.names}
         axes = np.ix_(*(_normalised([one.log_prior for one in noises[name]]) for name in self.names))

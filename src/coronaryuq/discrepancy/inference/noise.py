@@ -5,7 +5,6 @@ does not predict the held-out data, and nothing is named. Noise is distinguished
 the first harmonics of the cycle.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -123,8 +122,10 @@ def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimat
         Quantity → estimate.
     """
     by_quantity: dict[str, list[_Waveform]] = {}
-    for series, rows, phase in _waveforms(problem):
-        by_quantity.setdefault(series.quantity, []).append(_Waveform(series, phase, residual[rows]))
+    for number, rows, phase in phases(problem, problem.train):
+        series = problem.forward.measured[number]
+        if phase is not None and series.time is not None:
+            by_quantity.setdefault(series.quantity, []).append(_Waveform(series, phase, residual[rows]))
     return {quantity: _estimate(waveforms) for quantity, waveforms in by_quantity.items()}
 
 
@@ -172,20 +173,9 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     if stated >= max(white, correlated) or (white > correlated and squares[0] < 1.0):
         noise = None
     priors = by_scale + np.log([OTHER] + [CORRELATED / len(CORRELATIONS)] * len(CORRELATIONS))
-    others = [
-        Alternative(one, float(prior))
-        for one, prior in zip(each, priors, strict=True)
-        if one.scale >= 1.0 or one == noise
-    ]
+    both = zip(each, priors, strict=True)
+    others = [Alternative(one, float(prior)) for one, prior in both if one.scale >= 1.0 or one == noise]
     return Estimate(noise, (Alternative(Noise(1.0), float(np.log(AS_STATED))), *others))
-
-
-def _waveforms(problem: Problem) -> Iterator[tuple[Measured, np.ndarray, np.ndarray]]:
-    """Yield each fitted waveform, positions of its samples among the fitted rows, and their phases."""
-    for number, rows, phase in phases(problem, problem.train):
-        series = problem.forward.measured[number]
-        if phase is not None and series.time is not None:
-            yield series, rows, phase
 
 
 def _share(squares: np.ndarray) -> float:
@@ -226,7 +216,4 @@ def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndar
 
 def with_correlated(problem: Problem) -> np.ndarray:
     """Return the standard deviations (N,) of the measurements, including correlated noise."""
-    rows = [n.shape for n in problem.forward.nuisances if n.noise and n.shape is not None]
-    all_shapes = problem.forward.shapes
-    shapes = np.zeros((0, problem.sd.size)) if all_shapes is None or not rows else all_shapes[rows]
-    return np.sqrt(problem.sd**2 + np.sum(shapes**2, axis=0))
+    return np.sqrt(problem.sd**2 + np.sum(problem.forward.noise_shapes**2, axis=0))
