@@ -33,7 +33,7 @@ def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
     which have only one neighbour, are not tested. Samples that stand out at the same time of the beat in three series,
     or in two of the same sensor under different conditions, are not artefacts.
     """
-    outliers, phases, origins = [], [], []
+    found = []
     for number, series in enumerate(problem.forward.measured):
         if series.time is None:
             continue
@@ -47,14 +47,13 @@ def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
             if not abs(off[worst]) > RULE.outlier:
                 break
             time = float(series.time[worst + 1])
-            outliers.append(Outlier(series.quantity, series.location, series.condition, time, float(off[worst])))
-            phases.append(time / series.period)
-            origins.append((number, RULE.same_time / series.time.size))
+            outlier = Outlier(series.quantity, series.location, series.condition, time, float(off[worst]))
+            found.append((outlier, number, time / series.period))
             left[worst + 1] = line[worst]
-    places = list(zip(phases, origins, strict=True))
     alone = []
-    for outlier, (phase, (owner, near)) in zip(outliers, places, strict=True):
-        others = {other for at, (other, _) in places if other != owner and abs(phase - at) < near}
+    for outlier, owner, phase in found:
+        near = RULE.same_time / problem.forward.measured[owner].value.size
+        others = {other for _, other, at in found if other != owner and abs(phase - at) < near}
         sensors = [(own.quantity, own.location) for own in (problem.forward.measured[other] for other in others)]
         again = (outlier.quantity, outlier.location) in sensors
         if len(others) < RULE.same_time_series and not again:
