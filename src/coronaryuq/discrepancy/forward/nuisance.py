@@ -75,16 +75,12 @@ def nuisances(
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)
-
-    def positive(bed: str, names: Iterable[str]) -> tuple[str, ...]:
-        return tuple(f"{bed}.{name}" for name in names if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0)
-
-    resistances = {bed: positive(bed, RESISTANCES) for bed in beds}
+    resistances = {bed: present(anatomy, bed, RESISTANCES) for bed in beds}
     everywhere = tuple(key for keys in resistances.values() for key in keys)
     found = [Nuisance("coronary resistance", settings.sd_coronary, everywhere)]
     if len(beds) > 1:
         found += [Nuisance(f"resistance of {bed}", settings.sd_bed, keys) for bed, keys in resistances.items()]
-    storing = {bed: stores for bed in beds if (stores := positive(bed, COMPLIANCES))}
+    storing = {bed: stores for bed in beds if (stores := present(anatomy, bed, COMPLIANCES))}
     if storing:
         everywhere = tuple(key for stores in storing.values() for key in stores)
         found.append(Nuisance("coronary compliance", settings.sd_compliance, everywhere))
@@ -96,9 +92,9 @@ def nuisances(
         found += _shape(anatomy, settings.sd_bed_shape)
     others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]
     if others:
-        systemic = tuple(key for bed in others for key in positive(bed, ("Rp", "Rd", "R")))
+        systemic = tuple(key for bed in others for key in present(anatomy, bed, ("Rp", "Rd", "R")))
         found.append(Nuisance("systemic resistance", settings.sd_systemic, systemic))
-        stores = tuple(key for bed in others for key in positive(bed, ("C",)))
+        stores = tuple(key for bed in others for key in present(anatomy, bed, ("C",)))
         if stores:
             found.append(Nuisance("systemic compliance", settings.sd_systemic, stores))
     if anatomy.closed_loop:
@@ -118,21 +114,20 @@ def nuisances(
 
 def _shape(anatomy: Anatomy, sd: float) -> list[Nuisance]:
     """Return parameters for how resistance and compliance vary along the beds, and for vessel compliance."""
-
-    def of_beds(name: str) -> list[str]:
-        return [f"{bed}.{name}" for bed in anatomy.beds if anatomy.blocks[bed]["bc_values"].get(name, 0.0) > 0.0]
-
-    vessels = [
-        f"{vessel}.C"
-        for vessel in anatomy.coronary_vessels
-        if anatomy.vessels[vessel]["zero_d_element_values"].get("C", 0.0) > 0.0
-    ]
+    beds, vessels = anatomy.beds, anatomy.coronary_vessels
     groups = {
-        "proximal resistance of the beds": of_beds("Ra1"),
-        "proximal compliance of the beds": of_beds("Ca"),
-        "compliance of the vessels": vessels,
+        "proximal resistance of the beds": [key for bed in beds for key in present(anatomy, bed, ("Ra1",))],
+        "proximal compliance of the beds": [key for bed in beds for key in present(anatomy, bed, ("Ca",))],
+        "compliance of the vessels": [key for vessel in vessels for key in present(anatomy, vessel, ("C",))],
     }
     return [Nuisance(name, sd, tuple(targets)) for name, targets in groups.items() if targets]
+
+
+def present(anatomy: Anatomy, block: str, names: Iterable[str]) -> tuple[str, ...]:
+    """Return those of some parameters, "BLOCK.parameter", that a vessel or a boundary condition has."""
+    vessel = anatomy.vessels.get(block)
+    values = anatomy.blocks[block]["bc_values"] if vessel is None else vessel["zero_d_element_values"]
+    return tuple(f"{block}.{name}" for name in names if values.get(name, 0.0) > 0.0)
 
 
 def _stenoses(conditions: dict[str, Condition], sd: float) -> list[Nuisance]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.nuisance import Nuisance
+from coronaryuq.discrepancy.forward.nuisance import Nuisance, present
 from coronaryuq.discrepancy.forward.predict import Forward
 
 SD_RESISTANCE, SD_COMPLIANCE = 0.08, 0.12
@@ -34,14 +34,12 @@ def vessel_errors(forward: Forward, noise: np.ndarray) -> tuple[list[Nuisance], 
         Nuisance parameters whose rows of `Forward.shapes` are yet to be numbered, these rows (k, N), and the standard
         deviations of the rest (N,), CGS.
     """
-    anatomy = forward.anatomy
-    errors = []
-    for vessel in anatomy.coronary_vessels:
-        values = anatomy.vessels[vessel]["zero_d_element_values"]
-        for name, elements, sd in ELEMENTS:
-            targets = tuple(f"{vessel}.{element}" for element in elements if values.get(element, 0.0) > 0.0)
-            if targets:
-                errors.append(Nuisance(f"{name} of {vessel}", sd, targets))
+    errors = [
+        Nuisance(f"{name} of {vessel}", sd, targets)
+        for vessel in forward.anatomy.coronary_vessels
+        for name, elements, sd in ELEMENTS
+        if (targets := present(forward.anatomy, vessel, elements))
+    ]
     own = replace(forward, simulation=forward.simulation.fresh(), nuisances=[*forward.nuisances, *errors], shapes=None)
     # First alone: in a closed loop the others start from its state.
     (plain,) = own.predict(np.zeros(len(own.nuisances)))
