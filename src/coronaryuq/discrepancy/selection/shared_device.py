@@ -245,12 +245,10 @@ class _Recording:
     def _fitted(self, posterior: Posterior, body: Hypothesis, sizes: list[int]) -> Fitted:
         """Return a model's evidence with the prior of its effects of the body, and the posterior of some sizes."""
         evidence = float(logsumexp(posterior.log_evidence + AMPLITUDE))
+        log_prior = float(sum(self.priors[one] for one in body))
         mean, covariance = posterior.moments(AMPLITUDE)
         within = covariance[np.ix_(sizes, sizes)]
-        return Fitted(evidence + self._log_prior(body), posterior.right - evidence, mean[sizes], within)
-
-    def _log_prior(self, hypothesis: Hypothesis) -> float:
-        return float(sum(self.priors[one] for one in hypothesis))
+        return Fitted(evidence + log_prior, posterior.right - evidence, mean[sizes], within)
 
     def _places(self, effect: Effect) -> list[str]:
         return effect.places(self.problem.forward.anatomy, self.problem.forward.measured)
