@@ -50,7 +50,7 @@ def test_an_effect_hidden_at_the_priors_mean_is_seen_from_the_distorted_fit():
     responses = {named: random.standard_normal(rows), right: random.standard_normal(rows)}
     y = 2.0 * responses[right] + 40.0 * nuisance[:, 0] + random.standard_normal(rows)
     problem = linear_problem(nuisance, responses, y)
-    fit = problem.calibrate(assume(named))
+    fit, least = problem.calibrate(assume(named)), problem.settings.min_log_odds
     for point, seen in ((fit, False), (Fit(np.zeros(3), y, fit.jacobian, flexible=fit.flexible), True)):
-        step = forward_step(problem, fit, assume(named), [Candidate(right, -3.0, guess=1.0)], point)
+        step = forward_step(problem, fit, assume(named), [Candidate(right, -3.0, guess=1.0)], point, least)
         assert (step.accepted is not None) is seen

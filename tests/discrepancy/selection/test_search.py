@@ -15,7 +15,7 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
-from coronaryuq.discrepancy.selection.answer import OTHER
+from coronaryuq.discrepancy.selection.answer import NAMES, OTHER
 from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.search import evidence_p_value, recalibrate, search_without_confounder
 from support.discoveries import discovery
@@ -122,3 +122,12 @@ def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_pat
     assert found.answer.given == OTHER and not found.consistent
     text = paragraph(summary(found))
     assert "finds no misfit" in text and "Something other than an effect of the library is missing" in text
+
+
+@pytest.mark.slow
+def test_where_all_data_say_that_something_is_missing_the_best_candidate_is_weighed(tmp_path):
+    """The fitted data make the offset four times as likely as nothing, less than a name requires; all data agree."""
+    hide(Case(("flow_offset",), "medium", "nominal", 20002), closed_loop(loop()), tmp_path, NATURE)
+    found = analyse(tmp_path)
+    assert found.rounds[0].accepted.log_weight - found.base.evidence < found.problem.settings.min_log_odds
+    assert [placed.effect.name for placed in found.hypothesis] == ["flow_offset"] and found.answer.given == NAMES

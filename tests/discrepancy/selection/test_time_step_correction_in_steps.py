@@ -94,5 +94,5 @@ def test_an_effect_distorted_by_coarse_steps_is_found_with_its_own_correction():
     expected = min(1.0, np.exp(base.evidence - better.evidence - candidate.log_prior) * RULE.prior_named)
     assert evidence_p_value(problem, base, PLAIN, [candidate]) == pytest.approx(expected) and expected < 0.01
     assert coarse.evidence - base.evidence + candidate.log_prior < problem.settings.min_log_odds
-    step = forward_step(problem, base, PLAIN, [candidate], base)
+    step = forward_step(problem, base, PLAIN, [candidate], base, problem.settings.min_log_odds)
     assert step.accepted.placed == RIGHT and step.accepted.fit.evidence == pytest.approx(better.evidence)

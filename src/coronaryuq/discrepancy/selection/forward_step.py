@@ -67,10 +67,11 @@ def forward_step(
     hypothesis: Hypothesis,
     candidates: list[Candidate],
     point: Fit,
+    least: float,
 ) -> Round:
     """Fit the shortlist of scored candidates, weigh it, and accept the best if the odds of its class suffice.
 
-    fit: of the present hypothesis; point: where the candidates were scored.
+    fit: of the present hypothesis; point: where the candidates were scored; least: log odds that suffice.
     """
     from_fit: set[PlacedEffect] = set()
     if hypothesis and point is not fit:
@@ -85,11 +86,11 @@ def forward_step(
             pool = fit_class(problem, pool.best, hypothesis, pool, near)
             break
     tried = sorted(pool.shortlist, key=lambda c: -c.log_weight)
-    worth = _worth_naming(problem, fit, tried)
+    worth = _worth_naming(fit, tried, least)
     if not worth:
         corrected = with_own_time_steps(problem, hypothesis, best_of_effects(tried, RULE.likeliest_effects))
         tried = sorted(updated(tried, corrected), key=lambda c: -c.log_weight)
-        worth = _worth_naming(problem, fit, tried)
+        worth = _worth_naming(fit, tried, least)
     tried = with_shares(tried)
     if not worth:
         return Round(tried, None, others=hypothesis)
@@ -103,9 +104,8 @@ def forward_step(
     )
 
 
-def _worth_naming(problem: Problem, fit: Fit, candidates: list[Candidate]) -> list[Candidate]:
+def _worth_naming(fit: Fit, candidates: list[Candidate], least: float) -> list[Candidate]:
     """Return those whose class has the required odds over the present model."""
-    least = problem.settings.min_log_odds
     return [c for c in candidates if class_log_weight(c, candidates) - fit.evidence >= least]
 
 

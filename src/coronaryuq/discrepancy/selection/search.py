@@ -132,8 +132,7 @@ def _search(
     folds = folds_of(base_problem, held_out_names(base_problem.forward.conditions))
     plain = evidence_of_all(base_problem, base, PLAIN)
     nothing, something = without_effects(plain)
-    start = _State.assessed(base_problem, PLAIN, base, library)
-    state = start = replace(start, suspected=start.alarm or something > nothing)
+    state = start = replace(_State.assessed(base_problem, PLAIN, base, library), suspected=something > nothing)
     report(_progress(start))
     state = _select(state, library, report, watch)
     for _ in range(RULE.further_searches):
@@ -191,8 +190,8 @@ class _State:
     """State of a search.
 
     remaining: misfit of the fit; candidates: scored in addition to it, at linearisation point `point`; tested: number
-    of candidates scored so far; refused: those that are not considered again; suspected: whether something is missing
-    from the model without effects.
+    of candidates scored so far; refused: those that are not considered again; suspected: whether all data
+    make it probable that something is missing from the model without effects.
     """
 
     problem: Problem
@@ -213,7 +212,7 @@ class _State:
 
     @property
     def alarm(self) -> bool:
-        """Whether the global test finds a misfit or, without effects, all data a probable one."""
+        """Whether the global test finds a misfit or, without effects, all data make one probable."""
         return (self.suspected and not self.hypothesis) or self.remaining.alarm(self.problem.settings.alarm_level)
 
     @property
@@ -244,7 +243,9 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
     most = len(state.rounds) + 2 * settings.max_effects
     while state.alarm and len(state.hypothesis) < settings.max_effects and len(state.rounds) < most:
         candidates = [c for c in state.candidates if c.placed not in state.refused]
-        step = forward_step(state.problem, state.fit, state.hypothesis, candidates, state.point)
+        # "Nothing" is no longer the answer then; the best candidate need only be likelier to be weighed by all data.
+        least = 0.0 if state.suspected and not state.hypothesis else settings.min_log_odds
+        step = forward_step(state.problem, state.fit, state.hypothesis, candidates, state.point, least)
         state = replace(state, rounds=(*state.rounds, step))
         if step.accepted is None:
             report("no candidate is worth naming")
