@@ -60,8 +60,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--noise",
         choices=("estimated", "stated"),
         default="estimated",
-        help="noise of waveforms: as in the measurement table (stated), or re-estimated if the model "
-        "misfits (estimated, default)",
+        help="noise of waveforms: as in the measurement table (stated), or by their scatter (estimated, default)",
     )
     parser.add_argument("--out", metavar="DIR", required=True, help="output folder")
     parser.add_argument(

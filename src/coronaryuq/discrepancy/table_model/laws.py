@@ -121,7 +121,8 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
     """Fit a law to the samples `rows` (n,) bool, with the noise of each output profiled out above its floor.
 
     Minimises n/2 (log s^2 + mean square / s^2) of FFR, flow and outlet pressure plus the priors, with n at most
-    `MOST_EFFECTIVE`. The evidence is penalised by k/2 log n per term of the law and log 10 per effect.
+    `MOST_EFFECTIVE`. The log evidence is lowered by k/2 log n for the k terms of the law, and by log 10
+    for each effect.
     """
     terms, objectives = _posterior(branch, law, rows)
 
