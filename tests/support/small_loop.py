@@ -78,6 +78,20 @@ def loop():
 STENOSIS = placed("quadratic_stenosis", "lca1")
 
 
+OSCILLATING = {
+    "aorta": {"R_poiseuille": 0.1, "L": 0.1, "C": 3e-5},
+    "lca1": {"R_poiseuille": 5.0, "L": 5.0, "C": 3e-5},
+}
+
+
+def oscillating_loop():
+    """The loop with hardly any damping in the aorta and in a vessel that stores much blood."""
+    network = loop()
+    for entry in network["vessels"]:
+        entry["zero_d_element_values"] |= OSCILLATING.get(entry["vessel_name"], {})
+    return network
+
+
 def fresh(network=None, threads=1):
     conditions = {c.name: c for c in (Condition("rest"), Condition("hyperaemia", coronary_resistance_scale=0.3))}
     time = np.linspace(0.0, 0.975, 40)

@@ -18,7 +18,7 @@ def test_shapes_and_rest_hold_the_change_by_a_narrower_vessel():
     forward = make_problem(experiment.network, experiment.conditions, blank, Settings()).forward
     (plain,) = forward.predict(np.zeros(len(forward.nuisances)))
     noise = 0.01 * np.abs(plain) + 1e-3 * np.abs(plain).min()
-    _, shapes, rest = vessel_errors(forward, noise)
+    _, shapes, rest = vessel_errors(forward).shapes(noise)
     targets = ("lad_proximal.R_poiseuille", "lad_proximal.L")
     forward.nuisances = [*forward.nuisances, Nuisance("lad", SD_RESISTANCE, targets)]
     (narrower,) = forward.predict(np.eye(len(forward.nuisances))[-1])

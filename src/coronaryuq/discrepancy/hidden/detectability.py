@@ -10,10 +10,9 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.hidden.experiment import Experiment
 from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
+from coronaryuq.discrepancy.inference.known_errors import known_errors
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
-from coronaryuq.discrepancy.inference.time_step_error import time_steps
-from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.settings import Settings
 
 Row = tuple[np.ndarray, Hypothesis]
@@ -116,6 +115,5 @@ def _recalibration(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fi
 
 def _known_errors(problem: Problem, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the shapes (k, N) of the errors of time steps and vessels, and the noise (N,) with what they leave."""
-    steps = time_steps(problem.forward, sd)
-    _, vessels, rest = vessel_errors(problem.forward, np.hypot(sd, steps.sd))
-    return np.vstack([steps.shapes, vessels]), np.sqrt(sd**2 + steps.sd**2 + rest**2)
+    known = known_errors(problem.forward, sd)
+    return np.vstack([known.steps.shapes, known.shapes]), np.sqrt(sd**2 + known.steps.sd**2 + known.sd**2)

@@ -23,8 +23,10 @@ from coronaryuq.discrepancy.hidden.detectability import Row, least_trace
 from coronaryuq.discrepancy.hidden.experiment import Experiment
 from coronaryuq.discrepancy.hidden.nature import OUR_ENGINE, Law, Nature, Outside, Records
 from coronaryuq.discrepancy.hidden.other_solver import SvZeroDSimulation
+from coronaryuq.discrepancy.inference.known_errors import oscillates
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
+from coronaryuq.discrepancy.inference.time_step_error import FINER, time_steps
 from coronaryuq.discrepancy.settings import Settings
 
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
@@ -98,7 +100,10 @@ class Subject:
     def _forward(self) -> Forward:
         """The model of the truth."""
         forward = self.problem.forward
-        simulation = self.nature.simulation(forward.network, forward.conditions, forward.anatomy)
+        values = forward.split(forward.predict(self.nuisance))
+        # Where the model oscillates, the truth needs the steps with which the analysis compares its own.
+        times = FINER if oscillates(time_steps(forward, self._noise_sd(values, 1.0))) else 1
+        simulation = self.nature.simulation(forward.network, forward.conditions, forward.anatomy, times)
         return replace(forward, simulation=simulation)
 
     def simulate(self, hypothesis: Hypothesis, sizes: np.ndarray, outside: Outside | None = None) -> Signal:
@@ -176,8 +181,12 @@ class Subject:
         return least_trace(self.problem, signal.without, signal.changes, self._sd(signal, noise))
 
     def _sd(self, signal: Signal, noise: Noise) -> np.ndarray:
+        return self._noise_sd(self._split(signal), noise.scale)
+
+    def _noise_sd(self, values: list[np.ndarray], scale: float) -> np.ndarray:
+        """Return the standard deviations (N,) of the noise of data, by series."""
         measured = self.problem.forward.measured
-        deviations = self.experiment.plan.noise_sd(measured, self._split(signal), noise.scale)
+        deviations = self.experiment.plan.noise_sd(measured, values, scale)
         return np.repeat(deviations, [one.value.size for one in measured])
 
     def _split(self, signal: Signal) -> list[np.ndarray]:

@@ -1,7 +1,7 @@
 """What makes the data of hidden cases, and how far it is off from the searched model."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -107,14 +107,16 @@ class Nature:
                     values[name] *= float(np.exp(self.vessels * z))
         return network
 
-    def simulation(self, network: Network, conditions: dict[str, Condition], anatomy: Anatomy) -> Simulation:
-        """Return the simulation of the truth."""
+    def simulation(
+        self, network: Network, conditions: dict[str, Condition], anatomy: Anatomy, times: int = 1
+    ) -> Simulation:
+        """Return the simulation of the truth, with `times` the usual time steps."""
         network = network.deep_copy()
         network["simulation_parameters"]["rho_infty"] = TRUTH_RHO
-        ours = Simulation(network, conditions, anatomy, TRUTH_STEPS)
-        if self.program == "own":
-            return ours
-        return SvZeroDSimulation.like(replace(ours, steps_per_cycle=LOOP_STEPS) if anatomy.closed_loop else ours)
+        theirs = self.program == "svzerod"
+        steps = times * (LOOP_STEPS if theirs and anatomy.closed_loop else TRUTH_STEPS)
+        simulation = Simulation(network, conditions, anatomy, steps)
+        return SvZeroDSimulation.like(simulation) if theirs else simulation
 
 
 OUR_ENGINE = Nature()

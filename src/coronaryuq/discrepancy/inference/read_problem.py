@@ -19,12 +19,11 @@ from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.evidence import PossibleNoise
+from coronaryuq.discrepancy.inference.known_errors import known_errors
 from coronaryuq.discrepancy.inference.noise import Estimate, Noise, white_and_correlated
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.pullback_errors import pullback_errors
-from coronaryuq.discrepancy.inference.time_step_error import time_steps
-from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.pullback import OF_WIRE
@@ -177,14 +176,14 @@ def with_time_steps(problem: Problem) -> Problem:
     inertance and compliance, and those that the readings of a pullback share, are shapes with weights to be fitted, and
     what the shapes leave is added to the standard deviations.
     """
-    steps, forward = time_steps(problem.forward, problem.sd), problem.forward
-    own, vessels, rest = vessel_errors(forward, np.hypot(problem.sd, steps.sd))
+    forward, known = problem.forward, known_errors(problem.forward, problem.sd)
+    steps = known.steps
     of_wires, shared = pullback_errors(forward.measured)
     weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(steps.shapes))]
-    weights += [replace(weight, shape=len(steps.shapes) + k) for k, weight in enumerate([*own, *of_wires])]
-    shapes = np.vstack([steps.shapes, vessels, shared])
+    weights += [replace(weight, shape=len(steps.shapes) + k) for k, weight in enumerate([*known.weights, *of_wires])]
+    shapes = np.vstack([steps.shapes, known.shapes, shared])
     shaped = replace(forward, nuisances=[*forward.nuisances, *weights], shapes=shapes)
-    return replace(problem, forward=shaped, time_steps=replace(steps, sd=np.hypot(steps.sd, rest)))
+    return replace(problem, forward=shaped, time_steps=replace(steps, sd=np.hypot(steps.sd, known.sd)))
 
 
 def with_noise(problem: Problem, noise: dict[str, Noise], outliers: Sequence[Outlier] = ()) -> Problem:

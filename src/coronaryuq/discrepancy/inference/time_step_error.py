@@ -6,16 +6,13 @@ import numpy as np
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.inference.drawn_errors import SHAPED, described, left_by_others, principal
 
 FINER, FINEST = 8, 32
 """Refinements of the time steps for the comparison, and those used if points differ."""
 DRAWS, MORE, FEW, SPREAD = 16, 32, 2, 0.5
 """Number of points at which steps are compared (the plain model, and draws of the nuisance parameters with standard
 deviation `SPREAD`); number in all, and with the finest steps, if the change differs between points."""
-SHAPED = 0.3
-"""Norm, in noise standard deviations, above which a difference between points is a separate shape."""
-OWN = 3
-"""Maximum number of further shapes per series, for its part that common shapes do not describe."""
 
 
 @dataclass(frozen=True)
@@ -23,12 +20,14 @@ class TimeSteps:
     """Change of predictions by steps `FINER` times as short, CGS.
 
     change: mean (N,); shapes: largest differences between points, of all rows and then of single series, (k, N), with
-    standard normal weights; sd: standard deviation of the rest (N,), independent between rows.
+    standard normal weights; sd: standard deviation of the rest (N,), independent between rows; varies: length of the
+    largest difference between points, in noise standard deviations.
     """
 
     change: np.ndarray
     shapes: np.ndarray
     sd: np.ndarray
+    varies: float = 0.0
 
 
 def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
@@ -61,21 +60,15 @@ def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
         # If the model runs at few points, only the size of the change is known.
         return TimeSteps(np.zeros(forward.size), np.zeros((0, forward.size)), noise * np.abs(change).sum(axis=0))
     further, left = change.mean(axis=0)[None, :] / FINER, np.zeros((0, forward.size))
-    differs = _shapes(change - change.mean(axis=0))[0].max() > SHAPED
+    differs = principal(change - change.mean(axis=0))[0].max() > SHAPED
     if differs:
         change = np.vstack([change, compare.change(points[DRAWS:], 1, FINER)])
         finest = compare.change(points[:FEW], FINER, FINEST)
         further = finest if len(finest) == FEW else further
-        left = _left_by_others(change)
+        left = left_by_others(change)
     mean = change.mean(axis=0)
-    common, rest = [], [left]
-    for deviations in (change - mean, further):
-        lengths, shapes = _shapes(deviations)
-        kept = (lengths > SHAPED) & differs
-        common.append(shapes[kept])
-        rest.append(shapes[~kept])
-    own, sd = _each_series(forward, np.vstack(rest), OWN if differs else 0)
-    return TimeSteps(noise * mean, noise * np.vstack([*common, own]), noise * sd)
+    shapes, sd = described(forward, (change - mean, further), left, SHAPED if differs else np.inf)
+    return TimeSteps(noise * mean, noise * shapes, noise * sd, float(principal(change - mean)[0].max()))
 
 
 def finer(forward: Forward, times: int) -> Forward:
@@ -99,34 +92,3 @@ class _Steps:
         if times not in self.forwards:
             self.forwards[times] = finer(self.forwards[1], times)
         return self.forwards[times].predict(points)
-
-
-def _each_series(forward: Forward, rest: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the worst shapes (k, N) of each series in (n, N), and standard deviations (N,) that cover the others."""
-    own, sd, first = [], np.zeros(forward.size), 0
-    for block in forward.split(rest):
-        rows = slice(first, first + block.shape[1])
-        lengths, shapes = _shapes(block * np.sqrt(len(block)))
-        count = min(most, int((lengths > SHAPED).sum()), len(lengths) - 1)
-        own.append(np.zeros((count, forward.size)))
-        own[-1][:, rows] = shapes[:count]
-        sd[rows], first = lengths[count], rows.stop
-    return np.vstack(own), sd
-
-
-def _shapes(deviations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return lengths (k,) and shapes (k, N): principal components of the rows of (n, N)."""
-    _, lengths, directions = np.linalg.svd(deviations / np.sqrt(len(deviations)), full_matrices=False)
-    return lengths, lengths[:, None] * directions
-
-
-def _left_by_others(change: np.ndarray) -> np.ndarray:
-    """Return the part of each row of (n, N) that mean and shapes of the others do not explain, over the root of n."""
-    left = []
-    for number, row in enumerate(change):
-        others = np.delete(change, number, axis=0)
-        shapes = (others - others.mean(axis=0)) / np.sqrt(len(others) - 1)
-        missing = row - others.mean(axis=0)
-        weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missing)
-        left.append(missing - weights @ shapes)
-    return np.array(left) / np.sqrt(len(left))
