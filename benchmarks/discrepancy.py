@@ -4,6 +4,7 @@ Arguments: NETWORK=FILE for further cases, one JSON object per line as the bench
 existing case of the same network, effect, strength, noise and seed is replaced. `scores FILE...` prints the scores of
 files of cases instead: right answers and cost by kind, reliability, Brier score, coverage by cell, detection curve.
 `rivals` lets other methods answer the cases of the open loop, into discrepancy-rivals.jsonl; it resumes where it ended.
+`patient FILE` writes the loop of the second patient.
 """
 
 import json
@@ -35,10 +36,13 @@ from coronaryuq.bench.discrepancy.tables import (
     shares,
     wilson,
 )
+from coronaryuq.bench.endtoend.patients import draw
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.figures.discrepancy_benchmark import cell_label, hidden_effects
 from coronaryuq.figures.discrepancy_rivals import rivals as draw_rivals
 from coronaryuq.report.discrepancy_benchmark import target
+from coronaryuq.synthetic.truth import patient_of
+from coronaryuq.zerod.network.read import write_network
 
 FOLDER = Path(__file__).parent
 DOCS = FOLDER.parent / "docs"
@@ -49,7 +53,9 @@ PICTURE = DOCS / "pictures" / "discrepancy-benchmark.png"
 RIVALS, RIVALS_PICTURE = FOLDER / "discrepancy-rivals.jsonl", DOCS / "pictures" / "discrepancy-rivals.png"
 NOTHING_PER_THOUSAND = 8
 """Seeds, of each thousand, of the cases with nothing hidden that the rivals answer."""
-NETWORKS = ("open loop", "small loop", "bundled patient")
+NETWORKS = ("open loop", "small loop", "bundled patient", "second patient")
+SECOND_PATIENT = (1, 2)
+"""Seed and number of that patient in `bench endtoend`: three stenoses, two of them severe."""
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
 KEPT += "after oracle gap_closed_over_oracle worse held_out_p probability made_by cpu_s cpu_s_made skipped redrawn"
 KEPT = KEPT.split()
@@ -281,6 +287,11 @@ def tables(cases: list[dict]) -> list[tuple[Path, str, list[str]]]:
 def main(more: list[str]) -> None:
     if more[:1] == ["scores"]:
         print(markdown([case for path in more[1:] for case in read(path)]), end="")
+        return
+    if more[:1] == ["patient"]:
+        drawn = draw(*SECOND_PATIENT, 1.0)
+        patient = patient_of(drawn.true, drawn.settings, drawn.seed, drawn.physics)
+        write_network(Path(more[1]), patient.rest.network)
         return
     if more[:1] == ["rivals"]:
         more = []
