@@ -37,7 +37,7 @@ coverage: env
 	@$(BIN)/python -m pytest -m "not long" -n 2 --dist loadfile --cov --cov-report=term:skip-covered
 
 style: env
-	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check workflow && $(BIN)/lint-imports && $(BIN)/mypy
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/snakefmt --check workflow && $(BIN)/lint-imports && $(BIN)/mypy --num-workers 2
 
 lint: style
 	@$(BIN)/snakemake --lint --configfile config/smoke.yaml

@@ -76,7 +76,7 @@ def test_simulation_based_calibration_long(tmp_path, capsys, emulated, independe
     assert np.all(p > 1e-3 / len(p)), p
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_agrees_with_emcee_through_the_0d_engine(campaign, tmp_path, capsys):
     """Posterior mean and covariance of log resistances, independence steps against an ensemble sampler."""
     import emcee

@@ -124,7 +124,7 @@ def test_posterior_of_one_parameter_is_that_of_quadrature(tmp_path, settings, kn
     assert 1 - sd[1] > 0.02, "the flows inform it"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_parameter_that_scales_all_flows_is_informed_by_the_unit_alone(tmp_path):
     """Where the unit of the targets is unknown, its posterior is its prior, as far as a quadratic is its response."""
     model, laws = of(Shared, 3), Laws(factors(0.7))

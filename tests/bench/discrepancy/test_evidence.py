@@ -41,7 +41,7 @@ def test_finished_cases_of_another_kind_are_not_taken(tmp_path, monkeypatch):
     assert asked == ["evidence", "scores"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_laplace_and_sampling_agree_on_a_stenosis():
     """Where the search names the effect, by the sampling's own error and what its evidence differs by."""
     found = run(quick=False, effects=("quadratic_stenosis",), evidence=True)

@@ -10,7 +10,7 @@ from coronaryuq.zerod.network.read import write_network
 from support.small_loop import loop
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_adoption_brings_the_prediction_to_that_of_the_true_model(tmp_path):
     """One stenosis in a loop of two coronary beds: FFR is off without it, and with it as far as with the truth."""
     write_network(tmp_path / "loop.json", loop())

@@ -147,7 +147,7 @@ def test_noise_that_lasts_longer_than_it_seems_is_not_something_else(tmp_path, s
     assert analyse(tmp_path).answer.given == NOTHING
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_effect_is_named_where_noise_lasts_longer_than_it_seems(tmp_path):
     truth, _ = hide(Case(("intramyocardial_pressure",), "medium", "violated", 813), open_loop(), tmp_path, NATURE)
     found = analyse(tmp_path)

@@ -182,7 +182,7 @@ def in_first_class(truth, found):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [70000, 70003])
+@pytest.mark.parametrize("seed", [pytest.param(70000, marks=pytest.mark.long), 70003])
 def test_a_strong_effect_outside_the_library_is_not_noise(tmp_path, seed):
     """A side vessel carries blood in late diastole alone: it is beyond the first harmonics, too, as noise is."""
     hide(Case((), "medium", "nominal", seed, "thrombosed_side_vessel"), open_loop(), tmp_path, NATURE)

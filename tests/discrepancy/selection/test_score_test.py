@@ -156,7 +156,7 @@ def test_the_guess_of_an_effect_that_changes_its_shape_is_near_its_true_size(tru
     assert late(shifted(true) + noise, changes_shape=True).guess == pytest.approx(true, abs=0.35)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_best_score_of_several_sizes_keeps_its_level():
     """Nothing hidden: p below 0.05 in that share of 2000 trials at most, four standard errors allowed."""
     trials, level, random = 2000, 0.05, generator(24, "test", "screening")

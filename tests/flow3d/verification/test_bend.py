@@ -33,7 +33,7 @@ def test_the_forces_on_the_wall_balance_the_fall_of_pressure():
     assert flow.around.max() < 1e-3 * flow.along.mean()  # along the wall back to the inside
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pressure_and_wall_shear_in_a_bend_converge_with_second_order():
     reynolds = np.array([10.0, 50.0, 100.0, 200.0])
     coarse, fine = bend.errors(4, reynolds), bend.errors(6, reynolds)

@@ -95,7 +95,7 @@ def test_discrepancy_is_the_mean_of_the_process():
     assert discrepancy(fit, number) == pytest.approx(wanted)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_benchmark_lets_rivals_answer(experiment, subjects, monkeypatch):
     def first_of(used, nature, count):
         assert used.network == experiment.network and nature == NATURE and count < len(subjects)
