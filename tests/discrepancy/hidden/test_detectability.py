@@ -27,11 +27,11 @@ def problem(tmp_path_factory):
 
 
 def to_first_order(problem, signal):
-    sd = np.hypot(problem.sd, time_steps(problem.forward, problem.sd).sd)
+    sd = np.hypot(problem.sd, time_steps(problem.error_runs(), problem.sd).sd)
     nothing = np.zeros(problem.count)
     (residual,) = problem.whitened([(nothing, assume())])
     jacobian = problem.sensitivity(nothing, residual, assume()) * (problem.sd / sd)[:, None]
-    allowed = time_steps(problem.forward, problem.sd).shapes / sd
+    allowed = time_steps(problem.error_runs(), problem.sd).shapes / sd
     columns = np.hstack([jacobian, allowed.T])[problem.train]
     one = (signal / sd)[problem.train]
     fit = Fit(np.zeros(columns.shape[1]), one, columns)
@@ -39,11 +39,11 @@ def to_first_order(problem, signal):
 
 
 def trace(problem, signal):
-    return least_trace(problem, [(np.zeros(problem.count), assume())], [signal], problem.sd)
+    return least_trace(problem, problem.forward, [(np.zeros(problem.count), assume())], [signal], problem.sd)
 
 
 def test_no_effect_leaves_no_trace(problem):
-    assert least_trace(problem, [], [], problem.sd) == 0.0
+    assert least_trace(problem, problem.forward, [], [], problem.sd) == 0.0
     assert trace(problem, np.zeros(len(problem.y))) == 0.0
 
 
@@ -65,7 +65,7 @@ def test_a_small_change_leaves_its_first_order_trace(problem):
 def test_the_least_detectable_of_several_effects_counts(problem):
     offset = np.where(problem.owner == 0, 5.0 * problem.sd, 0.0)
     nothing = (np.zeros(problem.count), assume())
-    both = least_trace(problem, [nothing, nothing], [offset, 0.1 * offset], problem.sd)
+    both = least_trace(problem, problem.forward, [nothing, nothing], [offset, 0.1 * offset], problem.sd)
     assert both == pytest.approx(trace(problem, 0.1 * offset), rel=1e-3) and both < trace(problem, offset)
 
 

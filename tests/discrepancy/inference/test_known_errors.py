@@ -8,9 +8,10 @@ from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import closed_loop
 from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 from coronaryuq.discrepancy.inference.known_errors import known_errors, oscillates
 from coronaryuq.discrepancy.inference.read_problem import make_problem
-from coronaryuq.discrepancy.inference.time_step_error import FINER, finer, time_steps
+from coronaryuq.discrepancy.inference.time_step_error import FINER, time_steps
 from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.selection.answer import NOTHING
 from coronaryuq.discrepancy.settings import Settings
@@ -36,13 +37,14 @@ def test_the_aorta_has_errors_like_any_vessel():
 def test_shapes_hold_a_fresh_draw_of_an_oscillation_that_the_steps_do_not_resolve():
     """What steps and vessels change at new points of the prior raises the misfit by less than its noise varies."""
     forward, noise = model(oscillating_loop())
-    steps, vessels = time_steps(forward, noise), vessel_errors(forward)
-    assert oscillates(steps) and not oscillates(time_steps(*model(loop())))
-    found, random = known_errors(forward, noise).steps, generator(2, "test", "known errors")
+    runs, (small, its_noise) = ErrorRuns(forward), model(loop())
+    assert oscillates(runs, noise) and not oscillates(ErrorRuns(small), its_noise)
+    steps, vessels = time_steps(runs, noise), runs.vessels
+    found, random = known_errors(runs, noise).steps, generator(2, "test", "known errors")
     squares = {"usual": 0.0, "together": 0.0}
     for _ in range(4):
         z, errors = random.standard_normal(len(forward.nuisances)), random.standard_normal(len(vessels.errors))
-        fine = finer(vessels.model, FINER).predict(np.concatenate([z, errors])[None, :])[0]
+        fine = vessels.model.refined(FINER).predict(np.concatenate([z, errors])[None, :])[0]
         missing = fine - forward.predict(z[None, :])[0] - errors @ vessels.changes
         for name, known in (("usual", steps), ("together", found)):
             sd = np.hypot(noise, known.sd)

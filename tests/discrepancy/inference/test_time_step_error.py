@@ -8,6 +8,7 @@ import pytest
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 from coronaryuq.discrepancy.inference.time_step_error import DRAWS, FINER, time_steps
 from support.series_problem import series_problem, waveform
 
@@ -50,7 +51,7 @@ def ringing(mean, size, failing=False, kind=Ringing):
 
 
 def test_the_common_part_of_the_error_is_corrected():
-    found = time_steps(ringing(np.sin(PHASE), 0.0), np.full(ROWS, 0.5))
+    found = time_steps(ErrorRuns(ringing(np.sin(PHASE), 0.0)), np.full(ROWS, 0.5))
     assert found.change == pytest.approx(np.sin(PHASE)) and not len(found.shapes)
     assert found.sd == pytest.approx(np.linalg.norm(np.sin(PHASE[: ROWS // SERIES])) / 0.5 * 0.5 / FINER)
 
@@ -58,7 +59,7 @@ def test_the_common_part_of_the_error_is_corrected():
 def test_an_error_of_two_shapes_gets_two_weights():
     """Which explain the ringing at another point, to within what each weight's prior holds back."""
     forward, noise = ringing(np.zeros(ROWS), 5.0), np.full(ROWS, 0.5)
-    found = time_steps(forward, noise)
+    found = time_steps(ErrorRuns(forward), noise)
     assert len(found.shapes) == 2
     z = 0.5 * generator(1, "test", "numerics").standard_normal((1, 5))
     missing, shapes = (forward.missing(z)[0] - found.change) / noise, found.shapes / noise
@@ -72,7 +73,7 @@ def test_little_ringing_is_covered_by_noise():
     """The variance that the rows are given along the ringing itself is that of the ringing, to within two standard
     errors of a variance from `DRAWS` points."""
     size, noise = 0.02, np.ones(ROWS)
-    found = time_steps(ringing(np.zeros(ROWS), size), noise)
+    found = time_steps(ErrorRuns(ringing(np.zeros(ROWS), size)), noise)
     assert not len(found.shapes)
     shape = np.sin(9 * PHASE[: ROWS // SERIES])
     along = shape / np.linalg.norm(shape)
@@ -90,7 +91,7 @@ def test_the_rest_of_the_error_is_covered_along_any_shape_of_a_series():
         np.ones(ROWS),
         generator(2, "test", "numerics"),
     )
-    found = time_steps(forward, noise)
+    found = time_steps(ErrorRuns(forward), noise)
     fresh = 0.5 * random.standard_normal((400, 5))
     missing = forward.missing(fresh) - found.change
     shapes = found.shapes
@@ -101,5 +102,5 @@ def test_the_rest_of_the_error_is_covered_along_any_shape_of_a_series():
 
 
 def test_the_whole_error_is_covered_where_only_one_point_runs():
-    found = time_steps(ringing(np.sin(PHASE), 0.0, failing=True), np.ones(ROWS))
+    found = time_steps(ErrorRuns(ringing(np.sin(PHASE), 0.0, failing=True)), np.ones(ROWS))
     assert not found.change.any() and found.sd == pytest.approx(np.abs(np.sin(PHASE)))

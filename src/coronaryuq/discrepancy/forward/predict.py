@@ -76,6 +76,11 @@ class Forward:
     def size(self) -> int:
         return sum(series.value.size for series in self.measured)
 
+    def refined(self, times: int) -> "Forward":
+        """Return the model with more time steps per cycle by a factor."""
+        steps = times * self.simulation.steps_per_cycle
+        return replace(self, simulation=self.simulation.changed(steps_per_cycle=steps))
+
     def predict(self, z: np.ndarray, hypothesis: Hypothesis = PLAIN) -> np.ndarray:
         """Return the predictions (n, N) in CGS at z (n, p), NaN if a run failed.
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.hidden.experiment import Experiment
 from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
 from coronaryuq.discrepancy.inference.known_errors import known_errors
@@ -18,7 +19,9 @@ from coronaryuq.discrepancy.settings import Settings
 Row = tuple[np.ndarray, Hypothesis]
 
 
-def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray], sd: np.ndarray) -> float:
+def least_trace(
+    problem: Problem, model: Forward, without: list[Row], signals: list[np.ndarray], sd: np.ndarray
+) -> float:
     """Return the smallest signal (norm) of an effect in the fitted data, in noise standard deviations; 0 if none.
 
     The signal is the part that neither recalibration within the prior, about the true nuisance parameters, nor the
@@ -30,6 +33,8 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
     ----------
     problem
         Problem without shapes among its nuisance parameters.
+    model
+        Its model, with time steps that resolve the signals.
     without
         Truth without each effect.
     signals
@@ -51,7 +56,7 @@ def least_trace(problem: Problem, without: list[Row], signals: list[np.ndarray],
     conditions = set(problem.condition[problem.train])
 
     def predicted(rows: list[Row]) -> np.ndarray:
-        return problem.forward.predict_rows(rows, conditions)[:, problem.train]
+        return model.predict_rows(rows, conditions)[:, problem.train]
 
     truth = predicted(without)
 
@@ -115,5 +120,5 @@ def _recalibration(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fi
 
 def _known_errors(problem: Problem, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the shapes (k, N) of the errors of time steps and vessels, and the noise (N,) with what they leave."""
-    known = known_errors(problem.forward, sd)
+    known = known_errors(problem.error_runs(), sd)
     return np.vstack([known.steps.shapes, known.shapes]), np.sqrt(sd**2 + known.steps.sd**2 + known.sd**2)

@@ -26,7 +26,7 @@ from coronaryuq.discrepancy.hidden.other_solver import SvZeroDSimulation
 from coronaryuq.discrepancy.inference.known_errors import oscillates
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
-from coronaryuq.discrepancy.inference.time_step_error import FINER, time_steps
+from coronaryuq.discrepancy.inference.time_step_error import FINER
 from coronaryuq.discrepancy.settings import Settings
 
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}
@@ -97,12 +97,18 @@ class Subject:
     nuisance: np.ndarray
 
     @cached_property
+    def _model(self) -> Forward:
+        """The searched model about the truth; where it oscillates, with steps that resolve this."""
+        forward = self.problem.forward
+        values = forward.split(forward.predict(self.nuisance))
+        oscillating = oscillates(self.problem.error_runs(), self._noise_sd(values, 1.0))
+        return forward.refined(FINER) if oscillating else forward
+
+    @cached_property
     def _forward(self) -> Forward:
         """The model of the truth."""
         forward = self.problem.forward
-        values = forward.split(forward.predict(self.nuisance))
-        # Where the model oscillates, the truth needs the steps with which the analysis compares its own.
-        times = FINER if oscillates(time_steps(forward, self._noise_sd(values, 1.0))) else 1
+        times = self._model.simulation.steps_per_cycle // forward.simulation.steps_per_cycle
         simulation = self.nature.simulation(forward.network, forward.conditions, forward.anatomy, times)
         return replace(forward, simulation=simulation)
 
@@ -178,7 +184,7 @@ class Subject:
 
     def visible(self, signal: Signal, noise: Noise) -> float:
         """Return the least signal of an effect, in standard deviations of the true noise; see `Truth`."""
-        return least_trace(self.problem, signal.without, signal.changes, self._sd(signal, noise))
+        return least_trace(self.problem, self._model, signal.without, signal.changes, self._sd(signal, noise))
 
     def _sd(self, signal: Signal, noise: Noise) -> np.ndarray:
         return self._noise_sd(self._split(signal), noise.scale)

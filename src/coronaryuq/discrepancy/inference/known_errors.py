@@ -6,10 +6,9 @@ import numpy as np
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.drawn_errors import described, left_by_others
-from coronaryuq.discrepancy.inference.time_step_error import FEW, FINER, FINEST, TimeSteps, finer, time_steps
-from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors, vessel_errors
+from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
+from coronaryuq.discrepancy.inference.time_step_error import FEW, FINER, FINEST, TimeSteps, time_steps, variation
 
 OSCILLATES = 3.0
 """Difference between points in their time-step error, in noise standard deviations, from which on the model oscillates
@@ -32,13 +31,13 @@ class KnownErrors:
     sd: np.ndarray
 
 
-def known_errors(forward: Forward, noise: np.ndarray) -> KnownErrors:
+def known_errors(runs: ErrorRuns, noise: np.ndarray) -> KnownErrors:
     """Estimate the errors of time steps and vessels.
 
     Parameters
     ----------
-    forward
-        The model.
+    runs
+        Runs of the model.
     noise
         Standard deviations of the data: (N,), CGS.
 
@@ -47,18 +46,16 @@ def known_errors(forward: Forward, noise: np.ndarray) -> KnownErrors:
     KnownErrors
         Shapes and remaining standard deviations.
     """
-    steps, vessels = time_steps(forward, noise), vessel_errors(forward)
-    if oscillates(steps):
-        steps = _of_both(forward, noise, vessels) or steps
-    return KnownErrors(steps, *vessels.shapes(np.hypot(noise, steps.sd)))
+    steps = (_of_both(runs, noise) if oscillates(runs, noise) else None) or time_steps(runs, noise)
+    return KnownErrors(steps, *runs.vessels.shapes(np.hypot(noise, steps.sd)))
 
 
-def oscillates(steps: TimeSteps) -> bool:
+def oscillates(runs: ErrorRuns, noise: np.ndarray) -> bool:
     """Whether the model oscillates faster than its time steps resolve."""
-    return steps.varies > OSCILLATES
+    return variation(runs, noise) > OSCILLATES
 
 
-def _of_both(forward: Forward, noise: np.ndarray, vessels: VesselErrors) -> TimeSteps | None:
+def _of_both(runs: ErrorRuns, noise: np.ndarray) -> TimeSteps | None:
     """Compare short steps with the usual ones and linear vessels, at draws of the prior of everything.
 
     After each valve closure, blood moves between vessels that store it, with a frequency that their inertances and
@@ -66,15 +63,16 @@ def _of_both(forward: Forward, noise: np.ndarray, vessels: VesselErrors) -> Time
     ten periods have passed, and so do steps that do not resolve it. Returns None if the model runs at few draws.
     """
     random = generator(0, "discrepancy", "time steps and vessels")
-    common = random.standard_normal((DRAWS, len(forward.nuisances)))
-    errors = random.standard_normal((DRAWS, len(vessels.errors)))
+    common = random.standard_normal((DRAWS, len(runs.forward.nuisances)))
+    errors = random.standard_normal((DRAWS, len(runs.vessels.errors)))
     both = np.hstack([common, errors])
-    fine = finer(vessels.model, FINER).predict(both)
-    change = (fine - forward.predict(common) - errors @ vessels.changes) / noise
-    further = (finer(vessels.model, FINEST).predict(both[: 2 * FEW]) - fine[: 2 * FEW]) / noise
+    runs.predicted(both, 1, vessels=True)
+    fine = runs.predicted(both, FINER, vessels=True)
+    change = (fine - runs.predicted(common, 1) - errors @ runs.vessels.changes) / noise
+    further = (runs.predicted(both[: 2 * FEW], FINEST, vessels=True) - fine[: 2 * FEW]) / noise
     change, further = (some[np.isfinite(some).all(axis=1)] for some in (change, further))
     if len(change) < DRAWS // 2 or not len(further):
         return None
     mean = change.mean(axis=0)
-    shapes, sd = described(forward, (change - mean, further), left_by_others(change))
+    shapes, sd = described(runs.forward, (change - mean, further), left_by_others(change))
     return TimeSteps(noise * mean, noise * shapes, noise * sd)

@@ -11,11 +11,12 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference import gp_discrepancy
+from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 from coronaryuq.discrepancy.inference.evidence import AllData, PossibleNoise
 from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
 from coronaryuq.discrepancy.inference.pullback_errors import independent_sd
-from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps, finer
+from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps
 from coronaryuq.discrepancy.settings import Settings
 
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
@@ -45,6 +46,8 @@ class Problem:
         Number of nuisance parameters.
     time_steps
         Known error of the time steps.
+    runs
+        Runs from which it follows, created when needed.
     shorter
         The model with shorter time steps, created when needed.
     noises
@@ -55,6 +58,7 @@ class Problem:
     settings: Settings
     train: np.ndarray
     time_steps: TimeSteps | None = None
+    runs: ErrorRuns | None = None
     shorter: Forward | None = None
     noises: dict[str, tuple[PossibleNoise, ...]] = field(default_factory=dict)
 
@@ -84,6 +88,11 @@ class Problem:
     def all_data(self) -> AllData:
         """All data under each noise that they may have."""
         return AllData(self, gp_discrepancy.features(self))
+
+    def error_runs(self) -> ErrorRuns:
+        """Return the runs of the model from which its known errors follow, before it has shapes of these."""
+        self.runs = self.runs or ErrorRuns(self.forward)
+        return self.runs
 
     def whitened(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
         """Return (y - f) / sd of all data for rows (z, hypothesis): (n, N)."""
@@ -199,7 +208,7 @@ class Problem:
         # Use a copy of the states stored so far: new ones must not change other runs' results.
         own = replace(self.forward, simulation=self.forward.simulation.fork())
         if self.shorter is None:
-            self.shorter = finer(own, FINER)
+            self.shorter = own.refined(FINER)
         return self.shorter.predict_rows(rows) - own.predict_rows(rows)
 
     def missed(self, change: np.ndarray) -> float:

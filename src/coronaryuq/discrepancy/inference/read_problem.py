@@ -176,7 +176,7 @@ def with_time_steps(problem: Problem) -> Problem:
     inertance and compliance, and those that the readings of a pullback share, are shapes with weights to be fitted, and
     what the shapes leave is added to the standard deviations.
     """
-    forward, known = problem.forward, known_errors(problem.forward, problem.sd)
+    forward, known = problem.forward, known_errors(problem.error_runs(), problem.sd)
     steps = known.steps
     of_wires, shared = pullback_errors(forward.measured)
     weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(steps.shapes))]
@@ -211,7 +211,10 @@ def with_noise(problem: Problem, noise: dict[str, Noise], outliers: Sequence[Out
     settings = problem.settings
     if shapes and not forward.anatomy.closed_loop:
         settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_CORRELATED * settings.steps_per_cycle})
-    noisy = with_time_steps(make_problem(forward.network, forward.conditions, measured, settings))
+    noisy = make_problem(forward.network, forward.conditions, measured, settings)
+    if settings is problem.settings:
+        noisy.runs = problem.runs
+    noisy = with_time_steps(noisy)
     of_steps = noisy.forward.shapes
     if not shapes or of_steps is None:
         return noisy

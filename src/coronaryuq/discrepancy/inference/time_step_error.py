@@ -1,12 +1,12 @@
 """Time-step error: the change of predictions by the time steps, and its uncertainty."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.drawn_errors import SHAPED, described, left_by_others, principal
+from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 
 FINER, FINEST = 8, 32
 """Refinements of the time steps for the comparison, and those used if points differ."""
@@ -20,17 +20,21 @@ class TimeSteps:
     """Change of predictions by steps `FINER` times as short, CGS.
 
     change: mean (N,); shapes: largest differences between points, of all rows and then of single series, (k, N), with
-    standard normal weights; sd: standard deviation of the rest (N,), independent between rows; varies: length of the
-    largest difference between points, in noise standard deviations.
+    standard normal weights; sd: standard deviation of the rest (N,), independent between rows.
     """
 
     change: np.ndarray
     shapes: np.ndarray
     sd: np.ndarray
-    varies: float = 0.0
 
 
-def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
+def variation(runs: ErrorRuns, noise: np.ndarray) -> float:
+    """Return the length of the largest difference between points in the time-step error, in noise deviations."""
+    change = _finite(runs.change(_points(runs)[:DRAWS], 1, FINER)) / noise
+    return float(principal(change - change.mean(axis=0))[0].max()) if len(change) else 0.0
+
+
+def time_steps(runs: ErrorRuns, noise: np.ndarray) -> TimeSteps:
     """Estimate the time-step error by comparing steps at points of the prior.
 
     Valves open and close between two steps, and vessels that store blood then oscillate: the time-step error there is
@@ -42,8 +46,8 @@ def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
 
     Parameters
     ----------
-    forward
-        The model.
+    runs
+        Runs of the model.
     noise
         Standard deviations of the data: (N,), CGS.
 
@@ -52,43 +56,30 @@ def time_steps(forward: Forward, noise: np.ndarray) -> TimeSteps:
     TimeSteps
         Correction, shapes and remaining standard deviations.
     """
-    points = SPREAD * generator(0, "discrepancy", "time steps").standard_normal((MORE, len(forward.nuisances)))
-    points[0] = 0.0
-    compare = _Steps(forward, noise)
-    change = compare.change(points[:DRAWS], 1, FINER)
+    forward, points = runs.forward, _points(runs)
+    change = _finite(runs.change(points[:DRAWS], 1, FINER)) / noise
     if len(change) < 3:
         # If the model runs at few points, only the size of the change is known.
         return TimeSteps(np.zeros(forward.size), np.zeros((0, forward.size)), noise * np.abs(change).sum(axis=0))
     further, left = change.mean(axis=0)[None, :] / FINER, np.zeros((0, forward.size))
     differs = principal(change - change.mean(axis=0))[0].max() > SHAPED
     if differs:
-        change = np.vstack([change, compare.change(points[DRAWS:], 1, FINER)])
-        finest = compare.change(points[:FEW], FINER, FINEST)
+        change = np.vstack([change, _finite(runs.change(points[DRAWS:], 1, FINER)) / noise])
+        finest = _finite(runs.change(points[:FEW], FINER, FINEST)) / noise
         further = finest if len(finest) == FEW else further
         left = left_by_others(change)
     mean = change.mean(axis=0)
     shapes, sd = described(forward, (change - mean, further), left, SHAPED if differs else np.inf)
-    return TimeSteps(noise * mean, noise * shapes, noise * sd, float(principal(change - mean)[0].max()))
+    return TimeSteps(noise * mean, noise * shapes, noise * sd)
 
 
-def finer(forward: Forward, times: int) -> Forward:
-    """Return the model with more time steps per cycle by a factor."""
-    steps = times * forward.simulation.steps_per_cycle
-    return replace(forward, simulation=forward.simulation.changed(steps_per_cycle=steps))
+def _points(runs: ErrorRuns) -> np.ndarray:
+    """Return the points (`MORE`, p), of which the first is the plain model."""
+    points = SPREAD * generator(0, "discrepancy", "time steps").standard_normal((MORE, len(runs.forward.nuisances)))
+    points[0] = 0.0
+    return points
 
 
-class _Steps:
-    """Predictions with refined time steps, in noise standard deviations."""
-
-    def __init__(self, forward: Forward, noise: np.ndarray) -> None:
-        self.forwards, self.noise = {1: forward}, noise
-
-    def change(self, points: np.ndarray, steps: int, finer: int) -> np.ndarray:
-        """Return the change (n, N) from one refinement to another, at the points (n, p) where both run."""
-        change = self._predicted(points, finer) - self._predicted(points, steps)
-        return change[np.isfinite(change).all(axis=1)] / self.noise
-
-    def _predicted(self, points: np.ndarray, times: int) -> np.ndarray:
-        if times not in self.forwards:
-            self.forwards[times] = finer(self.forwards[1], times)
-        return self.forwards[times].predict(points)
+def _finite(rows: np.ndarray) -> np.ndarray:
+    """Return the rows of (n, N) at whose points the model ran."""
+    return rows[np.isfinite(rows).all(axis=1)]
