@@ -53,6 +53,24 @@ def test_the_estimate_is_the_evidence_of_a_full_fit(kind, true):
     assert candidate.z_score > 3.0
 
 
+def test_a_strong_effect_is_weighed_by_its_response_to_its_own_size():
+    """It bends, as a loss does that lowers the flow: multiples of the responses to other sizes leave 600 nats."""
+    random = generator(27, "test", "screening")
+    design, (along, across) = random.standard_normal((ROWS, NUISANCES)), random.standard_normal((2, ROWS))
+    size = Parameter("size", "1", "lognormal", 1.0, 1.2, "")
+
+    def response(z):
+        value = size.from_standard(z)
+        return 4.0 * along * value + 0.8 * across * value**2
+
+    y = design @ random.standard_normal(NUISANCES) + response(0.8) + random.standard_normal(ROWS)
+    placed = PlacedEffect(made_up("bent", size), "here")
+    (candidate,) = screened(design, {placed: response}, y)
+    search = Search(assume(placed), np.append(fit_of(design, y).z, 0.8), list(range(NUISANCES + 1)))
+    maximise(problem_of(design, {placed: response}, y).fitted, [search], 30, tolerance=1e-6)
+    assert candidate.estimate == pytest.approx(search.fit.evidence, abs=3.0)
+
+
 def at(design, y, z):
     return replace(fit_of(design, y), z=z, residual=y - design @ z)
 

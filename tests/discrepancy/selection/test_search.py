@@ -8,7 +8,7 @@ from scipy import stats
 
 from coronaryuq.bench.discrepancy.benchmark import NATURE
 from coronaryuq.bench.discrepancy.cases import Case
-from coronaryuq.bench.discrepancy.hidden_cases import closed_loop
+from coronaryuq.bench.discrepancy.hidden_cases import closed_loop, open_loop
 from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
@@ -131,3 +131,12 @@ def test_where_all_data_say_that_something_is_missing_the_best_candidate_is_weig
     found = analyse(tmp_path)
     assert found.rounds[0].accepted.log_weight - found.base.evidence < found.problem.settings.min_log_odds
     assert [placed.effect.name for placed in found.hypothesis] == ["flow_offset"] and found.answer.given == NAMES
+
+
+@pytest.mark.slow
+def test_effects_of_one_formula_are_one_class_however_strong(tmp_path):
+    """A loss at the ostium of 139 noise sd is that of a stenosis in the first vessel, which alone was named, at .99."""
+    hide(Case(("ostial_loss",), "medium", "nominal", 72001), open_loop(), tmp_path, NATURE)
+    (entry,) = analyse(tmp_path).named
+    named = {(member.effect.name, member.place) for member in entry.members}
+    assert named == {("ostial_loss", "left_main"), ("quadratic_stenosis", "left_main")}
