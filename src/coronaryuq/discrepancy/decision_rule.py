@@ -79,7 +79,8 @@ class DecisionRule:
     larger_sizes: int = _threshold(
         40,
         "candidates",
-        "Maximum number of candidates run at larger sizes, for detectable small responses and for others, each.",
+        "Maximum number of candidates run at larger sizes, for detectable small responses and for others, each; and "
+        "number of those run at the size then estimated.",
     )
     rerun: int = _threshold(150, "candidates", "Maximum number of candidates with a known response that are run again.")
     rerun_per_effect: int = _threshold(
