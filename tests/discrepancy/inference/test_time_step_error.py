@@ -50,6 +50,20 @@ def ringing(mean, size, failing=False, kind=Ringing):
     return kind(plain.simulation, plain.measured, nuisances, 1.0, mean=mean, ringing=size, failing=failing)
 
 
+def test_another_noise_takes_no_further_runs():
+    """The errors are those that fresh runs give."""
+    forward, asked = ringing(np.sin(PHASE), 5.0), []
+    forward.predict = lambda z: asked.append(z) or Ringing.predict(forward, z)
+    runs = ErrorRuns(forward)
+    time_steps(runs, np.full(ROWS, 0.5))
+    before = len(asked)
+    found = time_steps(runs, np.full(ROWS, 0.4))
+    assert len(asked) == before > 0
+    fresh = time_steps(ErrorRuns(ringing(np.sin(PHASE), 5.0)), np.full(ROWS, 0.4))
+    for name in ("change", "shapes", "sd"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(fresh, name))
+
+
 def test_the_common_part_of_the_error_is_corrected():
     found = time_steps(ErrorRuns(ringing(np.sin(PHASE), 0.0)), np.full(ROWS, 0.5))
     assert found.change == pytest.approx(np.sin(PHASE)) and not len(found.shapes)
