@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from coronaryuq.bench.discrepancy.benchmark import NATURE
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import closed_loop, open_loop
-from coronaryuq.bench.discrepancy.trial import hide
+from coronaryuq.bench.discrepancy.trial import hide, read_case
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.inference.noise import (
     HARMONICS,
@@ -24,7 +24,7 @@ from coronaryuq.discrepancy.inference.noise import (
     white_and_correlated,
     with_correlated,
 )
-from coronaryuq.discrepancy.inference.read_problem import possible_noises, read_problem
+from coronaryuq.discrepancy.inference.read_problem import possible_noises, read_problem, with_noise
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
 from coronaryuq.discrepancy.selection.answer import OTHER
@@ -179,6 +179,18 @@ def in_first_class(truth, found):
     """Whether one class is named, which contains the hidden effect at its place."""
     classes = [[member.placed for member in entry.members] for entry in found.named]
     return len(classes) == 1 and all(placed in classes[0] for placed in truth.hypothesis)
+
+
+@pytest.mark.slow
+def test_the_runs_for_known_errors_are_made_once_unless_lasting_noise_asks_for_finer_steps(tmp_path):
+    white, lasting = {"flow": Noise(0.8)}, {"flow": Noise(0.8, 0.05)}
+    for name, experiment, finer in (("closed", closed_loop(loop()), False), ("open", open_loop(), True)):
+        (tmp_path / name).mkdir()
+        hide(Case((), "none", "nominal", 5), experiment, tmp_path / name, NATURE)
+        problem = read_case(tmp_path / name)
+        assert problem.runs is not None
+        assert with_noise(problem, white).runs is problem.runs
+        assert (with_noise(problem, lasting).runs is not problem.runs) is finer
 
 
 @pytest.mark.slow
