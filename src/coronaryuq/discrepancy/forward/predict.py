@@ -76,6 +76,12 @@ class Forward:
     def size(self) -> int:
         return sum(series.value.size for series in self.measured)
 
+    @property
+    def rows(self) -> list[slice]:
+        """Rows of each series among all N values."""
+        ends = np.cumsum([series.value.size for series in self.measured]).tolist()
+        return [slice(end - series.value.size, end) for series, end in zip(self.measured, ends, strict=True)]
+
     def refined(self, times: int) -> "Forward":
         """Return the model with more time steps per cycle by a factor."""
         steps = times * self.simulation.steps_per_cycle
@@ -191,12 +197,11 @@ class Forward:
         blocks = [np.full((len(z), series.value.size), np.nan) for series in self.measured]
         renamed = renamed or {}
         for i, series in enumerate(self.measured):
-            if series.condition in waveforms and series.pullback is not None:
-                waves, places = waveforms[series.condition], placed or [{}] * len(z)
-                root = self._root_pressure(renamed)
+            waves = waveforms.get(series.condition)
+            if waves is not None and series.pullback is not None:
+                places, root = placed or [{}] * len(z), self._root_pressure(renamed)
                 blocks[i] = read(series, waves, topology, places, root, self.pressure_factor)
-            elif series.condition in waveforms:
-                waves = waveforms[series.condition]
+            elif waves is not None:
                 used = [waves[name] for name in self.variables(series, renamed)]
                 elsewhere = partial(self._waveform, waves, series, renamed)
                 used[0] = as_read(series, used[0], elsewhere, chains, self.anatomy)
@@ -222,8 +227,7 @@ class Forward:
 
     def split(self, values: np.ndarray) -> list[np.ndarray]:
         """Split (n, N) into the columns of each series."""
-        ends = np.cumsum([series.value.size for series in self.measured])
-        return np.split(values, ends[:-1], axis=1)
+        return [values[:, rows] for rows in self.rows]
 
     def _simulate(
         self, prepared: Prepared, rows: list[Row], sizes: list[Sizes], chains: list[Instruments], conditions: list[str]

@@ -65,12 +65,11 @@ def left_by_others(draws: np.ndarray) -> np.ndarray:
 
 def _each_series(forward: Forward, rest: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the worst shapes (k, N) of each series in (n, N), and standard deviations (N,) that cover the others."""
-    own, sd, first = [], np.zeros(forward.size), 0
-    for block in forward.split(rest):
-        rows = slice(first, first + block.shape[1])
-        lengths, shapes = principal(block * np.sqrt(len(block)))
+    own, sd = [], np.zeros(forward.size)
+    for rows in forward.rows:
+        lengths, shapes = principal(rest[:, rows] * np.sqrt(len(rest)))
         count = min(most, int((lengths > SHAPED).sum()), len(lengths) - 1)
         own.append(np.zeros((count, forward.size)))
         own[-1][:, rows] = shapes[:count]
-        sd[rows], first = lengths[count], rows.stop
+        sd[rows] = lengths[count]
     return np.vstack(own), sd

@@ -55,10 +55,7 @@ def features(problem: "Problem") -> np.ndarray:
                 size[key] = max(size.get(key, 0.0), float(np.abs(series.value).max()))
     waves = 2 * HARMONICS + 1
     blocks = np.zeros((len(problem.y), len(keys), len(conditions) + 1, waves))
-    first = 0
-    for key, series in zip(each, forward.measured, strict=True):
-        rows = slice(first, first + series.value.size)
-        first = rows.stop
+    for key, series, rows in zip(each, forward.measured, forward.rows, strict=True):
         columns = np.zeros((series.value.size, waves))
         columns[:, 0] = 1.0
         phase = phase_of(series)

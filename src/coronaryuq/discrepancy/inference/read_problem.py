@@ -230,10 +230,7 @@ def _noisy(
     measured: list[Measured] = []
     shapes: list[np.ndarray] = []
     names: list[str] = []
-    first = 0
-    for series in problem.forward.measured:
-        rows = slice(first, first + series.value.size)
-        first = rows.stop
+    for series, rows in zip(problem.forward.measured, problem.forward.rows, strict=True):
         if series.statistic == "waveform" and series.quantity in noise:
             sd = problem.sd[rows]
             white, correlated = white_and_correlated(series, noise[series.quantity])

@@ -30,11 +30,9 @@ def pullback_table(found: Discovery, residuals: pd.DataFrame) -> pd.DataFrame:
         best hypothesis that act there; no rows without a pullback.
     """
     forward, parts = found.problem.forward, []
-    ends = np.cumsum([0, *(series.value.size for series in forward.measured)])
-    for series, start in zip(forward.measured, ends, strict=False):
+    for series, rows in zip(forward.measured, forward.rows, strict=True):
         if series.pullback is None or series.quantity == CHECK:
             continue
-        rows = residuals.iloc[start : start + series.value.size]
         vessels = vessels_of_readings(forward.anatomy, series.pullback)
         acting = [""] * len(vessels)
         for placed in found.hypothesis:
@@ -44,7 +42,7 @@ def pullback_table(found: Discovery, residuals: pd.DataFrame) -> pd.DataFrame:
             for number in np.flatnonzero(within).tolist():
                 acting[number] += ("; " if acting[number] else "") + placed.effect.name
         named = bool(found.named)
-        parts.append(rows[list(KEPT)].assign(vessel=vessels, acting=acting, named=named))
+        parts.append(residuals.iloc[rows][list(KEPT)].assign(vessel=vessels, acting=acting, named=named))
     return pd.concat(parts) if parts else pd.DataFrame(columns=[*KEPT, "vessel", "acting", "named"])
 
 
