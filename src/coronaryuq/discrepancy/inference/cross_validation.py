@@ -220,8 +220,6 @@ def folds_of(problem: Problem, held_out: list[str]) -> Folds:
     list of (train, test)
         Rows (N,) of each fold that tests anything.
     """
-    conditions = problem.forward.conditions
-    means = np.array([s.anchors for s in problem.forward.measured])[problem.owner]
     names = list(dict.fromkeys(problem.condition))
     if len(names) == 1 and not held_out:
         return [(problem.owner != number, problem.owner == number) for number in np.unique(problem.owner)]
@@ -229,6 +227,6 @@ def folds_of(problem: Problem, held_out: list[str]) -> Folds:
     folds = []
     for group in groups:
         outside = np.isin(problem.condition, group)
-        anchored = np.isin(problem.condition, [name for name in group if conditions[name].anchored]) & means
-        folds.append((~outside | anchored, outside & ~anchored))
+        anchors = problem.anchors(group)
+        folds.append((~outside | anchors, outside & ~anchors))
     return [(train, test) for train, test in folds if test.any()]

@@ -119,6 +119,12 @@ class Problem:
         columns, values = self.shape_weights()
         return columns, values[self.train]
 
+    def anchors(self, conditions: Sequence[str]) -> np.ndarray:
+        """Return which rows (N,) set the coronary resistance of one of these conditions, where that is free."""
+        free = [name for name in conditions if self.forward.conditions[name].anchored]
+        means = np.array([s.anchors for s in self.forward.measured])[self.owner]
+        return np.isin(self.condition, free) & means
+
     def calibrate(self, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit:
         """Fit nuisance parameters and sizes together, by default from the prior mean, recomputing all sensitivities.
 

@@ -340,11 +340,7 @@ def make_problem(
     forward = replace(forward, measured=_with_root_pressure(forward))
     held = held_out_names(conditions)
     problem = Problem(forward, settings, np.ones(forward.size, dtype=bool))
-    problem.train = ~np.isin(problem.condition, held)
-    for name in held:
-        if conditions[name].anchored:
-            means = np.array([s.anchors for s in measured])[problem.owner]
-            problem.train |= (problem.condition == name) & means
+    problem.train = ~np.isin(problem.condition, held) | problem.anchors(held)
     return problem
 
 
