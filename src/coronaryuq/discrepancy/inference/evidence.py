@@ -97,11 +97,8 @@ class AllData:
             Of the model, right or with something else.
         """
         vectors = np.column_stack([np.delete(jacobian, self.others, axis=1), at_zero])
-        products, determinants = [], []
-        for _, rows, seen in self.blocks:
-            each = [one.products(vectors[rows]) for one in seen]
-            products.append(np.array(each))
-            determinants.append(np.array([one.log_determinants for one in seen]))
+        products = [np.array([one.products(vectors[rows]) for one in seen]) for _, rows, seen in self.blocks]
+        determinants = [np.array([one.log_determinants for one in seen]) for *_, seen in self.blocks]
         return Evidence(self, products, determinants, lacking)
 
 
@@ -174,9 +171,8 @@ class Evidence:
         found = []
         for inside in where:
             amplitudes = [possible if here else np.zeros_like(possible) for here in inside]
-            evidence = _log_evidence(
-                self._summed(self._products, amplitudes), self._summed(self._determinants, amplitudes)
-            )
+            products, determinants = (self._summed(one, amplitudes) for one in (self._products, self._determinants))
+            evidence = _log_evidence(products, determinants)
             found.append(logsumexp(evidence + prior[possible] + self._data.log_priors[..., None]))
         return float(logsumexp(found)) - np.log(len(found)) - self._lacking
 

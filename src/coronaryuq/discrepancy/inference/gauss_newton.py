@@ -251,13 +251,10 @@ def maximise(
             break
         _differentiate(evaluate, [search for search in active if search.stale])
         steps = [_step(search) for search in active]
-        trials = [
-            (search, search.z + length * step) for search, step in zip(active, steps, strict=True) for length in LENGTHS
-        ]
-        values = evaluate([(z, search.label) for search, z in trials])
-        for number, search in enumerate(active):
-            rows = slice(number * len(LENGTHS), (number + 1) * len(LENGTHS))
-            _advance(search, [z for _, z in trials[rows]], values[rows], tolerance, share)
+        trials = [[search.z + length * step for length in LENGTHS] for search, step in zip(active, steps, strict=True)]
+        values = evaluate([(z, search.label) for search, tried in zip(active, trials, strict=True) for z in tried])
+        for search, tried, own in zip(active, trials, np.split(values, len(active)), strict=True):
+            _advance(search, tried, own, tolerance, share)
     return searches
 
 

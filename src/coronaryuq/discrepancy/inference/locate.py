@@ -131,8 +131,7 @@ def _parts(problem: Problem, series: Measured, own: np.ndarray, phase: np.ndarra
         # All readings of a condition are fitted, or none.
         vessels = np.array(vessels_of_readings(problem.forward.anatomy, series.pullback))
         return [(vessel, None, own[vessels == vessel]) for vessel in dict.fromkeys(vessels.tolist())]
-    edges = np.arange(BINS + 1) / BINS
-    bounds = [(float(a), float(b)) for a, b in zip(edges, edges[1:], strict=False)]
+    bounds = [(part / BINS, (part + 1) / BINS) for part in range(BINS)]
     return [(series.location, (a, b), own[(phase >= a) & (phase < b)]) for a, b in bounds]
 
 

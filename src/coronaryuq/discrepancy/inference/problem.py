@@ -230,23 +230,19 @@ class Problem:
         All are fitted together. After two iterations those end that even by their linear models stay far behind the
         best of all; the others are fitted to convergence. None if the model runs at no start.
         """
-        numbers, searches = [], []
-        for number, hypothesis in enumerate(hypotheses):
-            sizes = len(hypothesis.parameters)
+        searches = []
+        for hypothesis in hypotheses:
             for size in RESTARTS:
-                numbers.append(number)
-                searches.append(self._in_full(hypothesis, np.concatenate([np.zeros(self.count), np.full(sizes, size)])))
+                sizes = np.full(len(hypothesis.parameters), size)
+                searches.append(self._in_full(hypothesis, np.concatenate([np.zeros(self.count), sizes])))
         maximise(self.fitted, searches, 2)
         leading = max((search.fit.evidence for search in searches if not search.failed), default=0.0)
         going = [search for search in searches if not (search.failed or search.done)]
         left = [search for search in going if search.fit.promised.right > leading - RULE.far_behind]
         maximise(self.fitted, left, self.settings.iterations)
-        best: list[Fit | None] = [None] * len(hypotheses)
-        for number, search in zip(numbers, searches, strict=True):
-            known = best[number]
-            if not search.failed and (known is None or search.fit.evidence > known.evidence):
-                best[number] = search.fit
-        return best
+        fits = [None if search.failed else search.fit for search in searches]
+        each = (fits[first : first + len(RESTARTS)] for first in range(0, len(fits), len(RESTARTS)))
+        return [max(filter(None, own), key=lambda fit: fit.evidence, default=None) for own in each]
 
     def distorted(self, fit: Fit) -> bool:
         """Return whether recalibration has left the prior, so that candidates are better scored at another point."""
@@ -315,16 +311,14 @@ class Problem:
         that of the settings; beside: candidates inserted into the same networks. None if the model does not run at the
         start.
         """
-        searches = []
+        searches, exact = [], self.linear_part()
         for candidate, start in zip(candidates, starts, strict=True):
             if isinstance(start, Fit):
-                z, jacobian, sizes = start.z, start.jacobian.copy(), len(start.z) - len(base.z)
+                z, jacobian = start.z, start.jacobian.copy()
             else:
-                z, sizes = np.concatenate([base.z, start]), len(start)
-                jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), sizes))])
-            fresh = list(range(len(base.z), len(base.z) + sizes))
-            label = hypothesis.with_(candidate)
-            exact = self.linear_part()
+                z = np.concatenate([base.z, start])
+                jacobian = np.hstack([base.jacobian, np.zeros((len(base.residual), len(start)))])
+            label, fresh = hypothesis.with_(candidate), list(range(len(base.z), len(z)))
             searches.append(Search(label, z, fresh, jacobian, exact=exact, flexible=self.flexible))
         grafts = [placed for placed in dict.fromkeys([*hypothesis, *(beside or candidates)]) if placed.effect.grafted]
         maximise(lambda rows: self.fitted(rows, grafts), searches, iterations or self.settings.iterations)

@@ -26,10 +26,8 @@ def residual_tests(
     """
     shapes, owners = smooth(problem, which)
     inner, along = shapes.T @ project(shapes), shapes.T @ score
-    each = []
-    for owner in np.unique(owners):
-        own = np.flatnonzero(owners == owner)
-        each.append(chi2_tail(inner[np.ix_(own, own)], along[own]))
+    series = [np.flatnonzero(owners == owner) for owner in np.unique(owners)]
+    each = [chi2_tail(inner[np.ix_(own, own)], along[own]) for own in series]
     return {
         "all residuals": float(stats.chi2.sf(objective, len(score))),
         "smooth part": chi2_tail(inner, along),
