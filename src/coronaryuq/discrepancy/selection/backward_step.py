@@ -14,14 +14,12 @@ from coronaryuq.discrepancy.selection.candidates import (
     Round,
     Rounds,
     class_log_weight,
-    indistinguishable,
     least_weight,
     likely,
     preferred,
     replaced,
     round_of,
     updated,
-    with_shares,
 )
 from coronaryuq.discrepancy.selection.refit import (
     drop,
@@ -53,7 +51,7 @@ def backward_step(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Ro
         )
         if class_log_weight(best, tried) - without.evidence < problem.settings.min_log_odds:
             return others, without, replaced(rounds, current, replace(current, accepted=None))
-        rounds = replaced(rounds, current, _decided(current, best, tried, others))
+        rounds = replaced(rounds, current, current.decided(best, tried, others))
         if best.placed != placed:
             return others.with_(best.placed), best.fitted, rounds
     return hypothesis, fit, rounds
@@ -95,7 +93,7 @@ def compare_again(
     if without is not None:
         plain, without = before.corrected(others, without)
     evidence = -np.inf if without is None else without.evidence
-    decided = _decided(current, best, tried, others)
+    decided = current.decided(best, tried, others)
     if without is not None and class_log_weight(best, tried) - evidence < problem.settings.min_log_odds:
         return plain, others, without, replace(decided, accepted=None)
     return problems.get(best.placed, problem), others.with_(best.placed), best.fitted, decided
@@ -143,19 +141,6 @@ def _weigh_again(
         best = replace(best, fit=full or best.fit)
         tried = updated(tried, [best])
     return best, tried, problems
-
-
-def _decided(current: Round, best: Candidate, tried: list[Candidate], others: Hypothesis) -> Round:
-    """Return the round with its outcome given other effects."""
-    tried = with_shares(tried)
-    (accepted,) = updated([best], tried)
-    return replace(
-        current,
-        shortlist=tried,
-        accepted=accepted,
-        members=indistinguishable(accepted, tried),
-        others=others,
-    )
 
 
 def _moved_last(fit: Fit, columns: slice) -> Fit:

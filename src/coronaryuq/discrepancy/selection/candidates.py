@@ -120,6 +120,13 @@ class Round:
         """Log prior of the accepted effect if it represented all of its class."""
         return class_log_weight(self.named, self.members) - self.named.fitted.evidence
 
+    def decided(self, best: Candidate, tried: list[Candidate], others: Hypothesis) -> "Round":
+        """Return the round with the best of all candidates that were tried beside some other effects."""
+        tried = with_shares(tried)
+        (accepted,) = updated([best], tried)
+        members = indistinguishable(accepted, tried)
+        return replace(self, shortlist=tried, accepted=accepted, members=members, others=others)
+
 
 Rounds = tuple[Round, ...]
 
@@ -151,23 +158,16 @@ def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effe
     inserted = {grafted(forward.anatomy.network, stem) for stem in stems}
     # A vessel with a declared stenosis has no compliance of its own (`conditions.under`).
     stenosed = {vessel for condition in forward.conditions.values() for vessel in condition.stenosis}
-    places = {
-        effect.name: [
-            place
-            for place in effect.places(forward.anatomy, observed)
-            if place not in inserted and not (effect.name == COMPLIANCE and place in stenosed)
-        ]
-        for effect in library
-    }
-    possible = [effect for effect in library if places[effect.name]]
+    possible = []
+    for effect in library:
+        excluded = inserted | stenosed if effect.name == COMPLIANCE else inserted
+        placed = [PlacedEffect(effect, p) for p in effect.places(forward.anatomy, observed) if p not in excluded]
+        if placed:
+            possible.append(placed)
     candidates = []
-    for effect in possible:
-        prior = np.log(RULE.prior_named / len(possible) / len(places[effect.name]))
-        candidates += [
-            Candidate(PlacedEffect(effect, place), prior)
-            for place in places[effect.name]
-            if (effect.name, place) not in used
-        ]
+    for placed in possible:
+        prior = np.log(RULE.prior_named / len(possible) / len(placed))
+        candidates += [Candidate(one, prior) for one in placed if one.key not in used]
     return candidates
 
 
@@ -184,8 +184,7 @@ def shortlist(candidates: Iterable[Candidate], count: int, present: Fit | None =
         gain = max(0.0, ranked[0].estimate - present.evidence)
         least = ranked[0].promise - RULE.contender_gap - RULE.contender_share * gain
     chosen = [c for c in ranked[:count] if c.z_score > RULE.shortlist_score]
-    for name in dict.fromkeys(c.effect.name for c in ranked):
-        best = next(c for c in ranked if c.effect.name == name)
+    for best in best_of_effects(ranked, len(ranked)):
         if best not in chosen and best.z_score > RULE.shortlist_effect_score and best.promise > least:
             chosen.append(best)
     return chosen

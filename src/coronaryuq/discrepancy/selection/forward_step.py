@@ -12,7 +12,6 @@ from coronaryuq.discrepancy.selection.candidates import (
     Round,
     best_of_effects,
     class_log_weight,
-    indistinguishable,
     least_weight,
     likely,
     preferred,
@@ -91,17 +90,9 @@ def forward_step(
         corrected = with_own_time_steps(problem, hypothesis, best_of_effects(tried, RULE.likeliest_effects))
         tried = sorted(updated(tried, corrected), key=lambda c: -c.log_weight)
         worth = _worth_naming(fit, tried, least)
-    tried = with_shares(tried)
     if not worth:
-        return Round(tried, None, others=hypothesis)
-    (accepted,) = updated([preferred(worth)], tried)
-    return Round(
-        tried,
-        accepted,
-        members=indistinguishable(accepted, tried),
-        scored=list(pool.candidates.values()),
-        others=hypothesis,
-    )
+        return Round(with_shares(tried), None, others=hypothesis)
+    return Round([], None, scored=list(pool.candidates.values())).decided(preferred(worth), tried, hypothesis)
 
 
 def _worth_naming(fit: Fit, candidates: list[Candidate], least: float) -> list[Candidate]:
