@@ -42,22 +42,14 @@ def next_measurements(discovery: Discovery, entry: Round) -> list[dict]:
         Best first: `quantity`, `location`, `condition`, `statistic`, `already_measured` and
         `expected_information_nats`; empty for a class of one.
     """
-    members = [c for c in entry.members if c.fit is not None]
-    if len(members) < 2:
+    forward, count = discovery.problem.forward, discovery.problem.count
+    models = [(c.fitted.z, entry.others.with_(c.placed)) for c in entry.members if c.fit is not None]
+    models = [(z, model) for z, model in models if len(z) == count + len(model.parameters)]
+    if len(models) < 2:
         return []
-    forward = discovery.problem.forward
     feasible = _feasible(forward)
     asked = replace(forward, measured=feasible, shapes=None)
-    count = len(forward.nuisances)
-    rows = [(c.fitted.z, entry.others.with_(c.placed)) for c in members]
-    usable = [
-        hypothesis.without_measurement_errors(z)
-        for z, hypothesis in rows
-        if len(z) == count + len(hypothesis.parameters)
-    ]
-    if len(usable) < 2:
-        return []
-    predicted = asked.predict_rows(usable)
+    predicted = asked.predict_rows([model.without_measurement_errors(z) for z, model in models])
     scale = np.abs(predicted).mean(axis=0)
     flow_sd = SD_FLOW * np.maximum(scale, LEAST_FLOW)
     sd = np.where([s.quantity == "pressure" for s in feasible], SD_PRESSURE, flow_sd)

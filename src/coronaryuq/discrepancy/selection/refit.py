@@ -27,10 +27,8 @@ def fit_shortlist(
     from_base: those fitted from the fit of the present hypothesis, `base`, instead.
     """
     fits: dict[PlacedEffect, Fit | None] = {}
-    for start, own in (
-        (point, [c for c in candidates if c.placed not in from_base]),
-        (base, [c for c in candidates if c.placed in from_base]),
-    ):
+    for start, is_base in ((point, False), (base, True)):
+        own = [c for c in candidates if (c.placed in from_base) is is_base]
         placed = [c.placed for c in own]
         fits |= zip(placed, problem.fit_candidates(start, hypothesis, placed, [c.start for c in own]), strict=True)
     candidates = _with_fits(candidates, [fits[c.placed] for c in candidates])
@@ -134,6 +132,4 @@ def _with_fits(candidates: list[Candidate], fits: list[Fit | None]) -> list[Cand
 def _contenders(candidates: list[Candidate], base: Fit) -> list[Candidate]:
     """Return the best of those that were fitted, a limited number and none too far behind the first."""
     ranked = sorted((c for c in candidates if c.fit is not None), key=lambda c: -c.log_weight)
-    if not ranked:
-        return []
     return [c for c in ranked[: RULE.full_fits] if c.log_weight > least_weight(ranked[0], base)]
