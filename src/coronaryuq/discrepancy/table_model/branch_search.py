@@ -130,10 +130,8 @@ def _gaussian_process(branch: Branch, train: np.ndarray, test: np.ndarray) -> np
     if inputs.shape[1] == 0:
         return np.full(int(test.sum()), target[train].mean())
     inputs = (inputs - inputs[train].mean(axis=0)) / inputs[train].std(axis=0)
-    kernel = ConstantKernel(10.0, (1e-2, 1e8)) * RBF(np.full(inputs.shape[1], 5.0), (1e-1, 1e3)) + WhiteKernel(
-        1e-3, (1e-10, 1.0)
-    )
-    process = GaussianProcessRegressor(kernel, normalize_y=True)
+    smooth = ConstantKernel(10.0, (1e-2, 1e8)) * RBF(np.full(inputs.shape[1], 5.0), (1e-1, 1e3))
+    process = GaussianProcessRegressor(smooth + WhiteKernel(1e-3, (1e-10, 1.0)), normalize_y=True)
     some = np.flatnonzero(train)[:MOST_FLEXIBLE]
     with warnings.catch_warnings():
         # If the optimiser reaches a bound or stops early, the reference is only slightly worse.

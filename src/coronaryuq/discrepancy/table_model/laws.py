@@ -152,9 +152,9 @@ def _posterior(
     root = float(branch.root3[rows].mean() / branch.root0[rows].mean())
     weight = min(int(rows.sum()), MOST_EFFECTIVE)
     scale = {
-        "linear": branch.root0.mean() / branch.flow0.mean(),
-        "quadratic": branch.root0.mean() / branch.flow0.mean() ** 2,
-        BEYOND: branch.root0.mean() / branch.flow0.mean(),
+        "linear": branch.root0.mean() / branch.flow0.mean() * MEDIAN_LOSS,
+        "quadratic": branch.root0.mean() / branch.flow0.mean() ** 2 * MEDIAN_LOSS,
+        BEYOND: branch.root0.mean() / branch.flow0.mean() * MEDIAN_BEYOND,
         "offset": SD_OFFSET * branch.root0.mean(),
         "gain": SD_GAIN,
         "flow": SD_GAIN,
@@ -165,10 +165,8 @@ def _posterior(
         for name, value in zip(names, z, strict=True):
             if name in RECALIBRATION:
                 found[name] = np.exp(SD_RECALIBRATION * value)
-            elif name == BEYOND:
-                found[name] = scale[name] * MEDIAN_BEYOND * np.exp(SD_LOSS * value)
-            elif name in LOSSES:
-                found[name] = scale[name] * MEDIAN_LOSS * np.exp(SD_LOSS * value)
+            elif name == BEYOND or name in LOSSES:
+                found[name] = scale[name] * np.exp(SD_LOSS * value)
             else:
                 found[name] = scale[name] * value
         return found
@@ -221,19 +219,13 @@ def sizes(branch: Branch, fit: LawFit, rows: np.ndarray) -> dict[str, Size]:
 
     intervals = {name: interval(itemgetter(name), name in LOSSES) for name in fit.law.terms}
     flow, root = float(branch.flow0.mean()), float(branch.root0.mean())
-    for name in fit.law.effects:
-        if name not in SENSORS:
-            intervals[name] = interval(
-                lambda t: (t.get("linear", 0.0) * flow + t.get("quadratic", 0.0) * flow**2) / root, True
-            )
-        else:
-            over = root if SENSORS[name] == "offset" else 1.0
-            intervals[name] = interval(partial(_ratio, term=SENSORS[name], over=over), False)
-    return intervals
 
+    def dimensionless(effect: str, found: Terms) -> Any:
+        if effect in SENSORS:
+            return found[SENSORS[effect]] / (root if SENSORS[effect] == "offset" else 1.0)
+        return (found.get("linear", 0.0) * flow + found.get("quadratic", 0.0) * flow**2) / root
 
-def _ratio(terms: Terms, term: str, over: float) -> Any:
-    return terms[term] / over
+    return intervals | {name: interval(partial(dimensionless, name), name not in SENSORS) for name in fit.law.effects}
 
 
 def fit_laws(branch: Branch, rows: np.ndarray, laws: tuple[Law, ...] = LAWS) -> list[LawFit]:

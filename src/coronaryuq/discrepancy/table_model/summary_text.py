@@ -30,8 +30,10 @@ def branch_text(answer: dict) -> str:
         )
     if answer["outside_library"]:
         best = _listed(list(answer["classes"]) or ["recalibration"], " and ")
+        worse = rmse["after"] > rmse["recalibration_alone"]
+        failure = "predicts held-out samples worse than recalibration alone" if worse else "leaves too large an error"
         return (
-            f"{drops}, and no pressure-loss law explains it: the best candidate, {best}, {_failure(rmse)}, and no "
+            f"{drops}, and no pressure-loss law explains it: the best candidate, {best}, {failure}, and no "
             f"effect is named. With it, o{error}"
         )
     if answer["alarm"] and not answer["effects"]:
@@ -51,12 +53,6 @@ def _error_text(rmse: dict[str, float]) -> str:
     change = f"stays at {new}" if old == new else f"{'falls' if new < old else 'rises'} from {old} to {new}"
     others = f"recalibration alone {rmse['recalibration_alone']:.4f}, Gaussian process {rmse['flexible']:.4f}"
     return f"n held-out samples the error of FFR {change} ({others})."
-
-
-def _failure(rmse: dict[str, float]) -> str:
-    if rmse["after"] > rmse["recalibration_alone"]:
-        return "predicts held-out samples worse than recalibration alone"
-    return "leaves too large an error"
 
 
 def _named_text(answer: dict) -> str:

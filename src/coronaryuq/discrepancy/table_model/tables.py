@@ -60,13 +60,9 @@ class Branch:
     @property
     def one_sensor(self) -> bool:
         """Whether the distal pressure and the outlet pressure are the same reading."""
-        return all(
-            bool((np.abs(distal - outlet) <= SAME_PRESSURE * root).all())
-            for distal, outlet, root in (
-                (self.distal0, self.outlet0, self.root0),
-                (self.distal3, self.outlet3, self.root3),
-            )
-        )
+        simulated = np.abs(self.distal0 - self.outlet0) <= SAME_PRESSURE * self.root0
+        measured = np.abs(self.distal3 - self.outlet3) <= SAME_PRESSURE * self.root3
+        return bool(simulated.all() and measured.all())
 
     @property
     def drop0(self) -> np.ndarray:
@@ -87,9 +83,8 @@ def read_pairs(simulated: str | Path, measured: str | Path) -> tuple[pd.DataFram
     tables = [read_csv(path, ("sample",)).set_index("sample") for path in (simulated, measured)]
     for path, table in zip((simulated, measured), tables, strict=True):
         if table.index.has_duplicates:
-            raise InputError(
-                path, "sample", str(table.index[table.index.duplicated()][0]), "duplicate sample; keep one row"
-            )
+            duplicates = table.index[table.index.duplicated()]
+            raise InputError(path, "sample", str(duplicates[0]), "duplicate sample; keep one row")
         _check_ffr(path, table)
     common = [name for name in tables[0].index if name in tables[1].index]
     if len(common) < LEAST_SAMPLES:
@@ -156,9 +151,8 @@ def branches(
         _check_forward(file, simulated, [q0, f"mean_flow:{place}"])
         _check_forward(measured_file, measured, [q3])
         flow3 = flow0 * measured[q3].to_numpy() / simulated[q0].to_numpy()
-        source = f"simulated flow times measured over simulated flow of outlet {outlet}"
-        if q0 == f"mean_flow:{place}":
-            source = "measured"
+        derived = f"simulated flow times measured over simulated flow of outlet {outlet}"
+        source = "measured" if q0 == f"mean_flow:{place}" else derived
         ends = (simulated[p0].to_numpy(), measured[p3].to_numpy())
         parts = (root0, root3, distal0, distal3, *ends, flow0, flow3)
         times = float(np.median(flow3 / flow0))
@@ -282,11 +276,9 @@ def zero_flow_pressure(
         pair = flows.get(("mean_flow", key[1]))
         if key == root or pair is None:
             continue
-        a, b, q, r = (
-            t[c].to_numpy() for t, c in ((simulated, p0), (measured, p3), (simulated, pair[0]), (measured, pair[1]))
-        )
+        a, b = simulated[p0].to_numpy(), measured[p3].to_numpy()
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = r / q
+            ratio = measured[pair[1]].to_numpy() / simulated[pair[0]].to_numpy()
             valid = np.isfinite(a * b * ratio) & (a > 0.0) & (b > 0.0) & (ratio > 0.0)
         if valid.any():
             beds.append((a[valid], b[valid], ratio[valid]))
