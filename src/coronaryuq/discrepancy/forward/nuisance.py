@@ -85,9 +85,7 @@ def nuisances(
         everywhere = tuple(key for stores in storing.values() for key in stores)
         found.append(Nuisance("coronary compliance", settings.sd_compliance, everywhere))
     if len(storing) > 1:
-        found += [
-            Nuisance(f"compliance of {bed}", settings.sd_bed_compliance, stores) for bed, stores in storing.items()
-        ]
+        found += [Nuisance(f"compliance of {bed}", settings.sd_bed_compliance, keys) for bed, keys in storing.items()]
     if any(BED_SHAPE in condition.free for condition in conditions.values()):
         found += _shape(anatomy, settings.sd_bed_shape)
     others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]

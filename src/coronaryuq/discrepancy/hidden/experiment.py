@@ -41,8 +41,7 @@ class Plan:
         for name, condition in conditions.items():
             period = period_of(apply_condition(network, condition))
             for quantity, location, statistic, _ in self.entries:
-                time = None
-                count = 1
+                time, count = None, 1
                 if statistic == "waveform":
                     # An uneven grid, different from that of the analysis.
                     count = self.points

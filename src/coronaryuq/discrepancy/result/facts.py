@@ -29,12 +29,11 @@ def facts(discovery: Discovery) -> dict:
     """
     problem, located, answer = discovery.problem, discovery.located, discovery.answer
     level, count, objective = problem.settings.alarm_level, len(discovery.base.residual), discovery.base.objective
-    worst = [{name: getattr(group, name) for name in WHERE} for group in located.groups[:1]]
     return {
         "measurements": count,
         "objective": float(objective),
         "noise_excess": noise_excess(located, objective / count, level),
-        "worst": worst[0] if worst else None,
+        "worst": next(({name: getattr(group, name) for name in WHERE} for group in located.groups), None),
         "best": [_described(discovery, placed) for placed in discovery.hypothesis],
         "answer": {
             "given": answer.given,

@@ -129,8 +129,8 @@ def difference(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> str:
     """List all changes: effects, added elements, recalibration factors and changed values."""
     before, after = forward.network, repaired_network(forward, hypothesis, fit.z)
     lines = [*_effect_lines(forward, hypothesis, fit), "", "Recalibration (factors)"]
-    for nuisance, z in ((n, z) for n, z in zip(forward.nuisances, fit.z, strict=False) if n.shape is None):
-        lines.append(f"  {nuisance.name}: {float(nuisance.factor(z)):.4f}")
+    pairs = zip(forward.nuisances, fit.z, strict=False)
+    lines += [f"  {one.name}: {float(one.factor(z)):.4f}" for one, z in pairs if one.shape is None]
     known = {(one.part, one.name): one for one in before.elements()}
     for part in ("vessels", "junctions", "boundary_conditions"):
         added = [one.name for one in after.elements() if one.part == part and (part, one.name) not in known]

@@ -64,10 +64,7 @@ def summary(found: Discovery) -> dict:
         "held_out": {
             "scheme": scheme,
             "conditions": held_out or measured,
-            "before": found.gaps.before.summary(),
-            "after": found.gaps.after.summary(),
-            "flexible": found.gaps.flexible.summary(),
-            "both": found.gaps.both.summary(),
+            **{model: gap.summary() for model, gap in vars(found.gaps).items()},
             "p_held_out": found.held_out_p,
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
@@ -236,11 +233,9 @@ def _residuals(found: Discovery) -> pd.DataFrame:
 def _ranking(found: Discovery) -> pd.DataFrame:
     """Posterior of the answers, those with names divided by the candidates of each round."""
     rows: list[tuple] = []
+    given = found.answer.probabilities
     for number, entry in enumerate(found.rounds, start=1):
-        rows += [
-            (number, answer, "", found.answer.probabilities[answer], np.nan, np.nan, False)
-            for answer in (NOTHING, OTHER)
-        ]
+        rows += [(number, answer, "", given[answer], np.nan, np.nan, False) for answer in (NOTHING, OTHER)]
         for c in entry.shortlist:
             accepted = entry.accepted is not None and entry.accepted.placed == c.placed
             rows.append((number, c.effect.name, c.place, found.probability(entry, c), c.share, c.z_score, accepted))
