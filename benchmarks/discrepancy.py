@@ -53,7 +53,7 @@ PICTURE = DOCS / "pictures" / "discrepancy-benchmark.png"
 RIVALS, RIVALS_PICTURE = FOLDER / "discrepancy-rivals.jsonl", DOCS / "pictures" / "discrepancy-rivals.png"
 NOTHING_PER_THOUSAND = 8
 """Seeds, of each thousand, of the cases with nothing hidden that the rivals answer."""
-NETWORKS = ("open loop", "small loop", "bundled patient", "second patient")
+NETWORKS = ("open loop", "small loop", "bundled patient", "second patient", "22 outlets")
 SECOND_PATIENT = (1, 2)
 """Seed and number of that patient in `bench endtoend`: three stenoses, two of them severe."""
 KEPT = "network effect strength noise seed places visible first classes named placed alarmed abstained covered before "
