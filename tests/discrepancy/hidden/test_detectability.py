@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
-from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.benchmark import NATURE
+from coronaryuq.bench.discrepancy.hidden_cases import closed_loop, open_loop
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.hidden.detectability import least_trace
-from coronaryuq.discrepancy.hidden.make_case import Noise, hide
+from coronaryuq.discrepancy.hidden.make_case import Noise, Signal, draw_subject, hide
 from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
@@ -14,6 +15,7 @@ from coronaryuq.discrepancy.inference.time_step_error import time_steps
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
+from support.small_loop import oscillating_loop
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +78,21 @@ def test_a_viscosity_change_leaves_less_than_its_first_order_trace(problem):
     signal = problem.forward.predict_rows([(z, viscosity)])[0] - problem.forward.predict(z[:-1])[0]
     found = trace(problem, signal)
     assert found < 0.8 * to_first_order(problem, signal), (found, to_first_order(problem, signal))
+
+
+@pytest.mark.slow
+def test_a_change_of_the_time_step_error_is_no_signal():
+    """Where a loop oscillates, what recalibration takes up for one standard deviation is not seen as a signal.
+
+    The usual time steps err differently at the two points, which had counted.
+    """
+    subject = draw_subject(closed_loop(oscillating_loop()), NATURE, 1)
+    fine, coarse = subject._model, subject.problem.forward
+    assert fine.simulation.steps_per_cycle > coarse.simulation.steps_per_cycle
+    truth = subject.nuisance
+    moved = truth + np.eye(len(truth))[[n.name for n in coarse.nuisances].index("systemic compliance")]
+    before, after = fine.predict(np.array([truth, moved]))
+    signal = Signal(assume(), np.zeros(0), after, [(truth, assume())], [after - before], "own")
+    seen = subject.visible(signal, Noise())
+    usual = least_trace(subject.problem, coarse, signal.without, signal.changes, subject._sd(signal, Noise()))
+    assert seen < 1.02 < usual

@@ -66,6 +66,7 @@ def _of_both(runs: ErrorRuns, noise: np.ndarray) -> TimeSteps | None:
     common = random.standard_normal((DRAWS, len(runs.forward.nuisances)))
     errors = random.standard_normal((DRAWS, len(runs.vessels.errors)))
     both = np.hstack([common, errors])
+    # In a closed loop, the finer runs start from the states of these.
     runs.predicted(both, 1, vessels=True)
     fine = runs.predicted(both, FINER, vessels=True)
     change = (fine - runs.predicted(common, 1) - errors @ runs.vessels.changes) / noise

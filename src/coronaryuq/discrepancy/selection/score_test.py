@@ -68,7 +68,7 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
             z_scores[candidate.placed].append(abs(linear.z_score(response, _growth(candidate, size))))
     for placed, values in z_scores.items():
         scored[placed] = replace(scored[placed], z_score=_best_of(values))
-    # The response to a strong effect is no multiple of that to another size: once more, at the sizes now estimated.
+    # Responses to a strong effect are not proportional to its size, so the best candidates are run at their estimates.
     likeliest = sorted((c for c in scored.values() if c.guess), key=lambda c: -c.promise)[: RULE.larger_sizes]
     responses = _responses(problem, runnable, hypothesis, [(c, c.guess) for c in likeliest])
     for candidate, response in zip(likeliest, responses, strict=True):
