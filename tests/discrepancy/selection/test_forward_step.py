@@ -54,3 +54,17 @@ def test_an_effect_hidden_at_the_priors_mean_is_seen_from_the_distorted_fit():
     for point, seen in ((fit, False), (Fit(np.zeros(3), y, fit.jacobian, flexible=fit.flexible), True)):
         step = forward_step(problem, fit, assume(named), [Candidate(right, -3.0, guess=1.0)], point, least)
         assert (step.accepted is not None) is seen
+
+
+def test_the_first_effect_is_seen_from_the_distorted_fit_too():
+    """Beds far from their prior hide an effect at its mean, where the beds' own effect on the data is another."""
+    random, rows = generator(11, "test", "astray"), 120
+    right = here("right")
+    response, beds = random.standard_normal(rows), random.standard_normal(rows)
+    beds -= response * (beds @ response + 0.05 * response @ response) / (response @ response)
+    y = 2.0 * response + 40.0 * beds + random.standard_normal(rows)
+    problem = linear_problem(beds[:, None], {right: response}, y)
+    fit, least = problem.calibrate(PLAIN), problem.settings.min_log_odds
+    mean = Fit(np.zeros(1), y, np.zeros((rows, 1)), flexible=fit.flexible)
+    step = forward_step(problem, fit, PLAIN, [Candidate(right, -3.0)], mean, least)
+    assert step.accepted is not None and step.accepted.placed == right

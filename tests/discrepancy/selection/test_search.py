@@ -140,3 +140,12 @@ def test_effects_of_one_formula_are_one_class_however_strong(tmp_path):
     (entry,) = analyse(tmp_path).named
     named = {(member.effect.name, member.place) for member in entry.members}
     assert named == {("ostial_loss", "left_main"), ("quadratic_stenosis", "left_main")}
+
+
+@pytest.mark.slow
+def test_beds_far_from_their_prior_hide_no_effect(tmp_path):
+    """Recalibration moves all beds by three standard deviations; about the prior's mean an offset explains nothing."""
+    hide(Case(("flow_offset",), "medium", "nominal", 72006), open_loop(), tmp_path, NATURE)
+    found = analyse(tmp_path)
+    assert found.problem.distorted(found.base)
+    assert [placed.effect.name for placed in found.hypothesis] == ["flow_offset"] and found.answer.given == NAMES

@@ -73,7 +73,7 @@ def forward_step(
     fit: of the present hypothesis; point: where the candidates were scored; least: log odds that suffice.
     """
     from_fit: set[PlacedEffect] = set()
-    if hypothesis and point is not fit:
+    if point is not fit:
         candidates, from_fit = _seen_from_fit(problem, fit, hypothesis, candidates)
     chosen = shortlist(candidates, problem.settings.shortlist, fit if hypothesis else None)
     fitted = fit_shortlist(problem, fit, hypothesis, chosen, point, from_fit)
@@ -105,8 +105,8 @@ def _seen_from_fit(
 ) -> tuple[list[Candidate], set[PlacedEffect]]:
     """Score all candidates from a distorted fit, too; return them as they look better, and those that do from the fit.
 
-    About the prior mean, where they were scored, the effects named already hide candidates that explain less than
-    recalibration does together with these effects.
+    About the prior mean, where they were scored, nuisance parameters far from it and effects named already hide
+    candidates that explain less than these do.
     """
     here = screen(problem, fit, hypothesis, candidates)
     better = {c.placed for c, own in zip(candidates, here, strict=True) if own.estimate > c.estimate}
