@@ -130,9 +130,9 @@ class Settings(BaseModel):
     min_log_odds: float = Field(
         3.0,
         ge=0,
-        description="Log evidence plus log prior by which an effect, or its class of indistinguishable effects, must "
-        "exceed the log evidence of the current model; 3 are odds of 20 to 1. For a first effect, zero suffices "
-        "where all data make something else more probable than nothing.",
+        description="Log evidence plus log prior by which a second or third effect, or its class of indistinguishable "
+        "effects, must exceed the log evidence of the model before it; 3 are odds of 20 to 1. A first effect only has "
+        "to exceed it, and is then weighed against nothing and something else by all data.",
     )
     starts: int = Field(3, ge=1, le=6, description="Starting sizes of an effect in each multistart fit.")
     iterations: int = Field(12, ge=1, description="Maximum number of Gauss-Newton iterations per fit.")

@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.selection.candidates import Candidate, indistinguishable
 from coronaryuq.discrepancy.selection.forward_step import Pool, fit_class, forward_step
+from coronaryuq.discrepancy.selection.score_test import screen
 from support.hypotheses import assume
 from support.linear_problem import here, linear_problem, made_up
 
@@ -42,29 +43,40 @@ def test_all_segments_that_look_as_good_are_fitted_and_the_best_in_full():
     assert pool.best.fit.z == pytest.approx(exact(pool.best.placed).z, abs=1e-9)
 
 
-def test_an_effect_hidden_at_the_priors_mean_is_seen_from_the_distorted_fit():
-    """At the prior's mean, beside an effect that is named, what is missing has no visible trace."""
-    random, rows = generator(10, "test", "astray"), 120
-    nuisance = random.standard_normal((rows, 2))
-    named, right = here("named"), here("right")
-    responses = {named: random.standard_normal(rows), right: random.standard_normal(rows)}
-    y = 2.0 * responses[right] + 40.0 * nuisance[:, 0] + random.standard_normal(rows)
-    problem = linear_problem(nuisance, responses, y)
-    fit, least = problem.calibrate(assume(named)), problem.settings.min_log_odds
-    for point, seen in ((fit, False), (Fit(np.zeros(3), y, fit.jacobian, flexible=fit.flexible), True)):
-        step = forward_step(problem, fit, assume(named), [Candidate(right, -3.0, guess=1.0)], point, least)
-        assert (step.accepted is not None) is seen
+RIGHT = here("right")
 
 
-def test_the_first_effect_is_seen_from_the_distorted_fit_too():
-    """Beds far from their prior hide an effect at its mean, where the beds' own effect on the data is another."""
-    random, rows = generator(11, "test", "astray"), 120
-    right = here("right")
+def accepted(problem, fit, hypothesis, point):
+    """The candidate that a step accepts, scored about the fit as in a search."""
+    candidates = screen(problem, fit, hypothesis, [Candidate(RIGHT, -3.0)])
+    return forward_step(problem, fit, hypothesis, candidates, point, problem.settings.min_log_odds).accepted
+
+
+def hidden(own, rows=120):
+    """A problem, its nuisance parameter's response, and that of what is missing, which has no trace in the data.
+
+    own: size of the nuisance parameter, in whose response the missing one is contained.
+    """
+    random = generator(11, "test", "astray")
     response, beds = random.standard_normal(rows), random.standard_normal(rows)
-    beds -= response * (beds @ response + 0.05 * response @ response) / (response @ response)
-    y = 2.0 * response + 40.0 * beds + random.standard_normal(rows)
-    problem = linear_problem(beds[:, None], {right: response}, y)
-    fit, least = problem.calibrate(PLAIN), problem.settings.min_log_odds
-    mean = Fit(np.zeros(1), y, np.zeros((rows, 1)), flexible=fit.flexible)
-    step = forward_step(problem, fit, PLAIN, [Candidate(right, -3.0)], mean, least)
-    assert step.accepted is not None and step.accepted.placed == right
+    beds -= response * (beds @ response + 2.0 / own * response @ response) / (response @ response)
+    y = 2.0 * response + own * beds + random.standard_normal(rows)
+    return linear_problem(beds[:, None], {RIGHT: response}, y), response
+
+
+def test_an_effect_without_a_trace_at_the_priors_mean_is_seen_from_the_distorted_fit():
+    """Recalibration is far from its prior, about whose mean the data do not show what is missing."""
+    problem, _ = hidden(own=40.0)
+    fit = problem.calibrate(PLAIN)
+    mean = Fit(np.zeros(1), problem.y, np.zeros((len(problem.y), 1)), flexible=fit.flexible)
+    assert accepted(problem, mean, PLAIN, mean) is None
+    assert accepted(problem, fit, PLAIN, mean).placed == RIGHT
+
+
+def test_an_effect_that_distorted_parameters_explain_is_seen_at_the_priors_mean():
+    problem, response = hidden(own=1.0)
+    mean = problem.calibrate(PLAIN)
+    jacobian = response[:, None]
+    absorbed = Fit(mean.z, problem.y, jacobian, flexible=mean.flexible)
+    assert accepted(problem, absorbed, PLAIN, absorbed) is None
+    assert accepted(problem, absorbed, PLAIN, mean).placed == RIGHT

@@ -137,5 +137,5 @@ def test_a_candidate_is_fitted_from_the_point_where_it_looks_better():
     point = Fit(np.zeros(2), base.residual, base.jacobian, flexible=base.flexible)
     candidates = [Candidate(placed, PRIOR) for placed in (RIGHT, WRONG)]
     found = fit_shortlist(problem, base, PLAIN, candidates, point, {WRONG})
-    assert starts == {RIGHT: point, WRONG: base}
+    assert starts == {RIGHT: base, WRONG: point}
     assert [c.placed for c in found] == [RIGHT, WRONG] and all(c.fit is not None for c in found)

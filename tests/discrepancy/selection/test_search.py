@@ -15,7 +15,7 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
-from coronaryuq.discrepancy.selection.answer import NAMES, OTHER
+from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER
 from coronaryuq.discrepancy.selection.candidates import Candidate
 from coronaryuq.discrepancy.selection.search import evidence_p_value, recalibrate, search_without_confounder
 from support.discoveries import discovery
@@ -65,17 +65,16 @@ def test_the_evidence_for_an_effect_that_is_there_is_overwhelming():
     assert RULE.likeliest_effects < EFFECTS
 
 
-@pytest.mark.parametrize(("moved", "corrected"), [(1.0, True), (9.0, False)])
-def test_recalibration_corrects_time_steps_where_it_stays_within_the_prior(moved, corrected):
+def test_recalibration_corrects_time_steps_where_it_ends():
     class Ringing(LinearProblem):
         def corrected(self, hypothesis, fit):
             other = replace(self)
             other.change = 5.0 * np.eye(ROWS)[1]
             return other, other.calibrate(hypothesis)
 
-    problem = linear_problem(10.0 * np.eye(ROWS)[:, :1], {}, 10.0 * moved * np.eye(ROWS)[0], kind=Ringing)
+    problem = linear_problem(10.0 * np.eye(ROWS)[:, :1], {}, 90.0 * np.eye(ROWS)[0], kind=Ringing)
     chosen, fit = recalibrate(problem)
-    assert (chosen is not problem) == corrected
+    assert chosen.change == pytest.approx(5.0 * np.eye(ROWS)[1])
     assert fit.z == pytest.approx(chosen.calibrate(PLAIN).z)
 
 
@@ -125,12 +124,14 @@ def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_pat
 
 
 @pytest.mark.slow
-def test_where_all_data_say_that_something_is_missing_the_best_candidate_is_weighed(tmp_path):
-    """The fitted data make the offset four times as likely as nothing, less than a name requires; all data agree."""
-    hide(Case(("flow_offset",), "medium", "nominal", 20002), closed_loop(loop()), tmp_path, NATURE)
+def test_a_first_effect_that_is_likelier_than_none_is_weighed_by_all_data(tmp_path):
+    """Fitted data make exchanged probes twice as likely as nothing, which was answered at 0.999; all data agree."""
+    hide(Case(("exchanged_pressures",), "medium", "nominal", 71001), open_loop(), tmp_path, NATURE)
     found = analyse(tmp_path)
-    assert found.rounds[0].accepted.log_weight - found.base.evidence < found.problem.settings.min_log_odds
-    assert [placed.effect.name for placed in found.hypothesis] == ["flow_offset"] and found.answer.given == NAMES
+    gain = found.rounds[0].accepted.log_weight - found.base.evidence
+    assert 0.0 < gain < found.problem.settings.min_log_odds
+    assert [placed.effect.name for placed in found.hypothesis] == ["exchanged_pressures"]
+    assert found.answer.given == NAMES and found.answer.probabilities[NOTHING] < 0.1
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from coronaryuq.discrepancy.selection.candidates import (
     Round,
     Rounds,
     class_log_weight,
+    least_log_odds,
     least_weight,
     likely,
     preferred,
@@ -94,7 +95,7 @@ def compare_again(
         plain, without = before.corrected(others, without)
     evidence = -np.inf if without is None else without.evidence
     decided = current.decided(best, tried, others)
-    if without is not None and class_log_weight(best, tried) - evidence < problem.settings.min_log_odds:
+    if without is not None and class_log_weight(best, tried) - evidence < least_log_odds(problem, others):
         return plain, others, without, replace(decided, accepted=None)
     return problems.get(best.placed, problem), others.with_(best.placed), best.fitted, decided
 

@@ -246,6 +246,14 @@ def class_log_weight(candidate: Candidate, candidates: Iterable[Candidate]) -> f
     return float(logsumexp([c.log_weight for c in members if c.effect.nameable == candidate.effect.nameable]))
 
 
+def least_log_odds(problem: Problem, others: Hypothesis) -> float:
+    """Return the log odds that one more effect requires.
+
+    A first one need only be likelier than none: the answer weighs it against nothing and something else by all data.
+    """
+    return problem.settings.min_log_odds if others else 0.0
+
+
 def preferred(candidates: Iterable[Candidate]) -> Candidate:
     """Return the best candidate; an effect is preferred to a wiring error that data cannot distinguish from it."""
     candidates = list(candidates)

@@ -70,13 +70,14 @@ def forward_step(
 ) -> Round:
     """Fit the shortlist of scored candidates, weigh it, and accept the best if the odds of its class suffice.
 
-    fit: of the present hypothesis; point: where the candidates were scored; least: log odds that suffice.
+    fit: of the present hypothesis, where the candidates were scored; point: another, if that is distorted, at which to
+    score them as well; least: log odds that suffice.
     """
-    from_fit: set[PlacedEffect] = set()
+    from_point: set[PlacedEffect] = set()
     if point is not fit:
-        candidates, from_fit = _seen_from_fit(problem, fit, hypothesis, candidates)
+        candidates, from_point = _seen_from(problem, point, hypothesis, candidates)
     chosen = shortlist(candidates, problem.settings.shortlist, fit if hypothesis else None)
-    fitted = fit_shortlist(problem, fit, hypothesis, chosen, point, from_fit)
+    fitted = fit_shortlist(problem, fit, hypothesis, chosen, point, from_point)
     pool = Pool({c.placed: c for c in candidates}).choosing(fitted).without_unfitted()
     for _ in range(RULE.second_looks if pool.chosen else 0):
         before = pool.best
@@ -100,19 +101,15 @@ def _worth_naming(fit: Fit, candidates: list[Candidate], least: float) -> list[C
     return [c for c in candidates if class_log_weight(c, candidates) - fit.evidence >= least]
 
 
-def _seen_from_fit(
-    problem: Problem, fit: Fit, hypothesis: Hypothesis, candidates: list[Candidate]
+def _seen_from(
+    problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: list[Candidate]
 ) -> tuple[list[Candidate], set[PlacedEffect]]:
-    """Score all candidates from a distorted fit, too; return them as they look better, and those that do from the fit.
-
-    About the prior mean, where they were scored, nuisance parameters far from it and effects named already hide
-    candidates that explain less than these do.
-    """
-    here = screen(problem, fit, hypothesis, candidates)
-    better = {c.placed for c, own in zip(candidates, here, strict=True) if own.estimate > c.estimate}
+    """Score all candidates at another point, too; return them as they look better, and those that do there."""
+    there = screen(problem, point, hypothesis, candidates)
+    better = {c.placed for c, other in zip(candidates, there, strict=True) if other.estimate > c.estimate}
     seen = [
-        replace(own if own.placed in better else c, z_score=max(c.z_score, own.z_score))
-        for c, own in zip(candidates, here, strict=True)
+        replace(other if other.placed in better else c, z_score=max(c.z_score, other.z_score))
+        for c, other in zip(candidates, there, strict=True)
     ]
     return seen, better
 

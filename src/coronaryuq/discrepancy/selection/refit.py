@@ -18,17 +18,17 @@ def fit_shortlist(
     hypothesis: Hypothesis,
     candidates: list[Candidate],
     point: Fit,
-    from_base: Collection[PlacedEffect] = (),
+    from_point: Collection[PlacedEffect] = (),
 ) -> list[Candidate]:
-    """Fit candidates from a point with its sensitivities frozen, then the best of them in full.
+    """Fit candidates from the fit of the present hypothesis with its sensitivities frozen, then the best in full.
 
     If even the best leaves the prior, so large a misfit remains that a fit may have ended anywhere: contenders for the
     first effect are then also fitted from other starting points, as are promising candidates whose fit diverged.
-    from_base: those fitted from the fit of the present hypothesis, `base`, instead.
+    base: that fit. from_point: those fitted from another point instead.
     """
     fits: dict[PlacedEffect, Fit | None] = {}
-    for start, is_base in ((point, False), (base, True)):
-        own = [c for c in candidates if (c.placed in from_base) is is_base]
+    for start, elsewhere in ((base, False), (point, True)):
+        own = [c for c in candidates if (c.placed in from_point) is elsewhere]
         placed = [c.placed for c in own]
         fits |= zip(placed, problem.fit_candidates(start, hypothesis, placed, [c.start for c in own]), strict=True)
     candidates = _with_fits(candidates, [fits[c.placed] for c in candidates])

@@ -31,7 +31,13 @@ from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import possible_noises
 from coronaryuq.discrepancy.selection.answer import ALONE, OTHER, answer, beyond, without_effects
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
-from coronaryuq.discrepancy.selection.candidates import Candidate, Rounds, all_candidates, best_of_effects
+from coronaryuq.discrepancy.selection.candidates import (
+    Candidate,
+    Rounds,
+    all_candidates,
+    best_of_effects,
+    least_log_odds,
+)
 from coronaryuq.discrepancy.selection.confirmation import confirm
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.forward_step import forward_step
@@ -189,9 +195,9 @@ def _search(
 class _State:
     """State of a search.
 
-    remaining: misfit of the fit; candidates: scored in addition to it, at linearisation point `point`; tested: number
-    of candidates scored so far; refused: those that are not considered again; suspected: whether all data
-    make it probable that something is missing from the model without effects.
+    remaining: misfit of the fit; candidates: scored in addition to it; tested: number of candidates scored so far;
+    refused: those that are not considered again; suspected: whether all data make it probable that something is missing
+    from the model without effects.
     """
 
     problem: Problem
@@ -199,7 +205,6 @@ class _State:
     fit: Fit
     remaining: Located
     candidates: list[Candidate]
-    point: Fit
     tested: int
     rounds: Rounds = ()
     refused: frozenset[PlacedEffect] = frozenset()
@@ -207,8 +212,8 @@ class _State:
 
     @classmethod
     def assessed(cls, problem: Problem, hypothesis: Hypothesis, fit: Fit, library: Library) -> "_State":
-        remaining, candidates, point = assess(problem, fit, hypothesis, library)
-        return cls(problem, hypothesis, fit, remaining, candidates, point, len(candidates))
+        remaining, candidates = assess(problem, fit, hypothesis, library)
+        return cls(problem, hypothesis, fit, remaining, candidates, len(candidates))
 
     @property
     def alarm(self) -> bool:
@@ -220,8 +225,8 @@ class _State:
         return bool(beyond(self.fit, self.hypothesis, RULE.implausible))
 
     def reassessed(self, library: Library) -> "_State":
-        remaining, candidates, point = assess(self.problem, self.fit, self.hypothesis, library, self.candidates)
-        return replace(self, remaining=remaining, candidates=candidates, point=point)
+        remaining, candidates = assess(self.problem, self.fit, self.hypothesis, library, self.candidates)
+        return replace(self, remaining=remaining, candidates=candidates)
 
     def converged(self) -> "_State":
         return replace(self, fit=self.problem.converge(self.hypothesis, self.fit))
@@ -243,9 +248,9 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
     most = len(state.rounds) + 2 * settings.max_effects
     while state.alarm and len(state.hypothesis) < settings.max_effects and len(state.rounds) < most:
         candidates = [c for c in state.candidates if c.placed not in state.refused]
-        # "Nothing" is no longer the answer then; the best candidate need only be likelier to be weighed by all data.
-        least = 0.0 if state.suspected and not state.hypothesis else settings.min_log_odds
-        step = forward_step(state.problem, state.fit, state.hypothesis, candidates, state.point, least)
+        least = least_log_odds(state.problem, state.hypothesis)
+        point = state.problem.linearisation_point(state.fit, state.hypothesis)
+        step = forward_step(state.problem, state.fit, state.hypothesis, candidates, point, least)
         state = replace(state, rounds=(*state.rounds, step))
         if step.accepted is None:
             report("no candidate is worth naming")
@@ -323,9 +328,6 @@ def _listed(effects: Iterable[PlacedEffect]) -> str:
 def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
     """Fit the model without any effect, with the time-step error corrected at that fit.
 
-    Not corrected if recalibration leaves the prior even then: candidates are then scored at another point, with its own
-    correction.
-
     Parameters
     ----------
     problem
@@ -341,9 +343,7 @@ def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
     FloatingPointError
         If the model does not run at the prior's mean.
     """
-    fit = problem.calibrate(PLAIN)
-    corrected, refit = problem.corrected(PLAIN, fit)
-    return (problem, fit) if problem.distorted(refit) else (corrected, refit)
+    return problem.corrected(PLAIN, problem.calibrate(PLAIN))
 
 
 def assess(
@@ -352,16 +352,14 @@ def assess(
     hypothesis: Hypothesis,
     library: Library = SEARCHED,
     earlier: Iterable[Candidate] = (),
-) -> tuple[Located, list[Candidate], Fit]:
-    """Locate the misfit and score every candidate; the global test includes the best of them (Bonferroni).
+) -> tuple[Located, list[Candidate]]:
+    """Locate the misfit and score every candidate about a fit; the global test includes the best of them (Bonferroni).
 
-    earlier: candidates of an earlier round, whose responses may be reused. Also returns the point at which candidates
-    were scored.
+    earlier: candidates of an earlier round, whose responses may be reused.
     """
     known = {c.placed: c.response for c in earlier}
     candidates = [replace(c, response=known.get(c.placed)) for c in all_candidates(problem, hypothesis, library)]
-    point = problem.linearisation_point(fit, hypothesis)
-    candidates = screen(problem, point, hypothesis, candidates)
+    candidates = screen(problem, fit, hypothesis, candidates)
     located = locate(problem, fit)
     for name, p_values in (
         ("best candidate", [c.p_value for c in candidates]),
@@ -371,7 +369,7 @@ def assess(
     if not located.alarm(problem.settings.alarm_level):
         evidence_p = evidence_p_value(problem, fit, hypothesis, candidates)
         located = located.with_test("likeliest candidates, fitted", evidence_p)
-    return located, candidates, point
+    return located, candidates
 
 
 def evidence_p_value(problem: Problem, fit: Fit, hypothesis: Hypothesis, candidates: list[Candidate]) -> float:

@@ -125,7 +125,8 @@ class Seen:
             The case with it, and all that the data distinguish from it with odds of less than 20 to 1, itself first.
             None if no candidate can be fitted.
         """
-        fitted = fit_shortlist(self.problem, self.fit, self.hypothesis, candidates, self.point)
+        scored = {candidate.placed for candidate in candidates}
+        fitted = fit_shortlist(self.problem, self.fit, self.hypothesis, candidates, self.point, scored)
         tried = [self._given(candidate) for candidate in fitted if candidate.fit is not None]
         if not tried:
             return None
