@@ -1,4 +1,4 @@
-"""Errors of steps and vessels together, where a loop oscillates after its valves close."""
+"""Errors of steps and vessels where a loop oscillates after its valves close."""
 
 import numpy as np
 import pytest
@@ -9,9 +9,9 @@ from coronaryuq.bench.discrepancy.hidden_cases import closed_loop
 from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
-from coronaryuq.discrepancy.inference.known_errors import known_errors, oscillates
+from coronaryuq.discrepancy.inference.known_errors import known_errors, oscillates, with_vessels
 from coronaryuq.discrepancy.inference.read_problem import make_problem
-from coronaryuq.discrepancy.inference.time_step_error import FINER, time_steps
+from coronaryuq.discrepancy.inference.time_step_error import FINER
 from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.selection.answer import NOTHING
 from coronaryuq.discrepancy.settings import Settings
@@ -34,25 +34,32 @@ def test_the_aorta_has_errors_like_any_vessel():
 
 
 @pytest.mark.slow
-def test_shapes_hold_a_fresh_draw_of_an_oscillation_that_the_steps_do_not_resolve():
-    """What steps and vessels change at new points of the prior raises the misfit by less than its noise varies."""
+def test_vessels_as_parameters_hold_an_oscillation_that_the_steps_do_not_resolve():
+    """What the model lacks at new points of the prior raises the misfit by less than its noise varies."""
     forward, noise = model(oscillating_loop())
-    runs, (small, its_noise) = ErrorRuns(forward), model(loop())
-    assert oscillates(runs, noise) and not oscillates(ErrorRuns(small), its_noise)
-    steps, vessels = time_steps(runs, noise), runs.vessels
-    found, random = known_errors(runs, noise).steps, generator(2, "test", "known errors")
-    squares = {"usual": 0.0, "together": 0.0}
+    linear, (small, its_noise) = ErrorRuns(forward), model(loop())
+    assert oscillates(linear, noise) and not oscillates(ErrorRuns(small), its_noise)
+    both = {"linear": linear, "parameters": with_vessels(linear, noise)}
+    large = len(both["parameters"].forward.nuisances) - len(forward.nuisances)
+    assert large > 0
+    vessels = [*both["parameters"].forward.nuisances[-large:], *both["parameters"].vessels.errors]
+    fine = forward.with_nuisances([*forward.nuisances, *vessels]).refined(FINER)
+    known = {name: known_errors(runs, noise) for name, runs in both.items()}
+    random, squares = generator(2, "test", "known errors"), dict.fromkeys(both, 0.0)
     for _ in range(4):
-        z, errors = random.standard_normal(len(forward.nuisances)), random.standard_normal(len(vessels.errors))
-        fine = vessels.model.refined(FINER).predict(np.concatenate([z, errors])[None, :])[0]
-        missing = fine - forward.predict(z[None, :])[0] - errors @ vessels.changes
-        for name, known in (("usual", steps), ("together", found)):
-            sd = np.hypot(noise, known.sd)
-            shapes, left = known.shapes / sd, (missing - known.change) / sd
+        z, errors = random.standard_normal(len(forward.nuisances)), random.standard_normal(len(vessels))
+        sizes = dict(zip([vessel.name for vessel in vessels], errors, strict=True))
+        (truth,) = fine.predict(np.concatenate([z, errors]))
+        for name, runs in both.items():
+            (predicted,) = runs.forward.predict(np.concatenate([z, errors[:large]])[: len(runs.forward.nuisances)])
+            predicted = predicted + [sizes[error.name] for error in runs.vessels.errors] @ runs.vessels.changes
+            steps = known[name].steps
+            sd = np.hypot(noise, steps.sd)
+            shapes, left = steps.shapes / sd, (truth - predicted - steps.change) / sd
             weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ left)
             squares[name] += float(left @ left - weights @ (shapes @ left)) / 4
     # What the error adds to the chi-square of the noise, against the standard deviation of that.
-    assert squares["together"] < np.sqrt(2.0 * len(noise)) < squares["usual"]
+    assert squares["parameters"] < np.sqrt(2.0 * len(noise)) < squares["linear"]
 
 
 @pytest.mark.slow

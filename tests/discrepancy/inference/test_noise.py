@@ -189,7 +189,11 @@ def test_the_runs_for_known_errors_are_made_once_unless_lasting_noise_asks_for_f
         hide(Case((), "none", "nominal", 5), experiment, tmp_path / name, NATURE)
         problem = read_case(tmp_path / name)
         assert problem.runs is not None
-        assert with_noise(problem, white).runs is problem.runs
+        noisy = with_noise(problem, white)
+        assert noisy.runs is problem.runs
+        flow = np.array([series.quantity == "flow" for series in problem.forward.measured])[problem.owner]
+        assert (noisy.sd[flow] < 0.9 * problem.sd[flow]).all()
+        assert noisy.sd[~flow] == pytest.approx(problem.sd[~flow], rel=1e-3), "but for what the time steps leave"
         assert (with_noise(problem, lasting).runs is not problem.runs) is finer
 
 

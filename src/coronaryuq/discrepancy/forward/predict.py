@@ -87,6 +87,10 @@ class Forward:
         steps = times * self.simulation.steps_per_cycle
         return replace(self, simulation=self.simulation.changed(steps_per_cycle=steps))
 
+    def with_nuisances(self, nuisances: list[Nuisance]) -> "Forward":
+        """Return the model with other nuisance parameters, and with no states of runs at points of the old ones."""
+        return replace(self, nuisances=nuisances, simulation=self.simulation.fresh())
+
     def predict(self, z: np.ndarray, hypothesis: Hypothesis = PLAIN) -> np.ndarray:
         """Return the predictions (n, N) in CGS at z (n, p), NaN if a run failed.
 

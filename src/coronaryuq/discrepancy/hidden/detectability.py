@@ -1,6 +1,7 @@
 """Detectability of effects: the signal that remains in the data after recalibration without them."""
 
 import copy
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedE
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.hidden.experiment import Experiment
 from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
-from coronaryuq.discrepancy.inference.known_errors import known_errors
+from coronaryuq.discrepancy.inference.known_errors import known_errors, with_vessels
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
@@ -49,25 +50,29 @@ def least_trace(
     """
     if not signals:
         return 0.0
-    shapes, sd = _known_errors(problem, sd)
+    own, shapes, sd = _known_errors(problem, sd)
+    if len(own.nuisances) > problem.count:
+        model = model.with_nuisances(own.nuisances)
     sd = sd[problem.train]
     absorbed = shapes[:, problem.train] / sd
-    count, every = problem.count, problem.count + len(absorbed)
+    count, every = len(own.nuisances), len(own.nuisances) + len(absorbed)
+    vessels = np.zeros(count - problem.count)
     conditions = set(problem.condition[problem.train])
 
-    def predicted(rows: list[Row]) -> np.ndarray:
-        return model.predict_rows(rows, conditions)[:, problem.train]
+    def predicted(rows: Iterable[tuple[np.ndarray, Row]]) -> np.ndarray:
+        """Return the predictions at changes (count,) of the nuisance parameters of rows without an effect."""
+        moved = []
+        for change, (z, hypothesis) in rows:
+            nuisances = np.concatenate([hypothesis.nuisances(z), vessels]) + change
+            moved.append((np.concatenate([nuisances, hypothesis.all_sizes(z)]), hypothesis))
+        return model.predict_rows(moved, conditions)[:, problem.train]
 
-    truth = predicted(without)
+    truth = predicted((np.zeros(count), row) for row in without)
 
     def residual(rows: list[tuple[np.ndarray, Any]]) -> np.ndarray:
-        moved = []
-        for change, number in rows:
-            z, hypothesis = without[number]
-            nuisances = hypothesis.nuisances(z) + change[:count]
-            moved.append((np.concatenate([nuisances, hypothesis.all_sizes(z)]), hypothesis))
         data = np.array([truth[number] + signals[number][problem.train] for _, number in rows])
-        return (data - predicted(moved)) / sd - np.array([change[count:] @ absorbed for change, _ in rows])
+        moved = predicted((change[:count], without[number]) for change, number in rows)
+        return (data - moved) / sd - np.array([change[count:] @ absorbed for change, _ in rows])
 
     exact = list(range(count, every)), absorbed.T
     searches = [Search(number, np.zeros(every), list(range(count)), exact=exact) for number in range(len(without))]
@@ -86,12 +91,16 @@ class Traces:
     def __init__(self, experiment: Experiment, noise: float):
         network, conditions, plan = experiment.network, experiment.conditions, experiment.plan
         blank = plan.blank(network, conditions, generator(0, "discrepancy", "traces"))
-        self._problem = problem = make_problem(network, conditions, blank, Settings())
-        origin = np.zeros(problem.count)
-        plain = problem.forward.predict(origin)[0]
-        sd = plan.noise_sd(problem.forward.measured, problem.forward.split(plain[None, :]), noise)
-        problem.y, sizes = plain, [one.value.size for one in problem.forward.measured]
-        self._project = _recalibration(problem, origin, np.repeat(sd, sizes)).projection
+        problem = make_problem(network, conditions, blank, Settings())
+        forward, plain = problem.forward, problem.forward.predict(np.zeros(problem.count))[0]
+        deviations = plan.noise_sd(forward.measured, forward.split(plain[None, :]), noise)
+        sd = np.repeat(deviations, [one.value.size for one in forward.measured])
+        own, shapes, sd = _known_errors(problem, sd)
+        self._problem = problem = replace(problem, forward=own)
+        problem.y, problem.sd, origin = plain, sd, np.zeros(problem.count)
+        sensitivity = problem.sensitivity(origin, problem.whitened([(origin, PLAIN)])[0], PLAIN)
+        columns = np.hstack([sensitivity, (shapes / sd).T])[problem.train]
+        self._project = Fit(np.zeros(columns.shape[1]), np.zeros(len(columns)), columns).projection
 
     def norms(self, choices: list[tuple[PlacedEffect, np.ndarray]]) -> np.ndarray:
         """Return the norm (n,) of the signal of each placed effect with sizes z, in noise standard deviations.
@@ -107,18 +116,12 @@ class Traces:
         return np.sqrt(np.maximum(squares, 0.0))
 
 
-def _recalibration(problem: Problem, nuisance: np.ndarray, sd: np.ndarray) -> Fit:
-    """Return the fit that can absorb a signal: nuisance parameters and the shapes of known errors.
+def _known_errors(problem: Problem, sd: np.ndarray) -> tuple[Forward, np.ndarray, np.ndarray]:
+    """Return a problem's model with errors of vessels, the shapes (k, N) of others, and the noise with what they leave.
 
-    sd: of the noise (N,); the problem gets it combined with what the shapes leave.
+    sd: of the noise alone, (N,).
     """
-    shapes, problem.sd = _known_errors(problem, sd)
-    sensitivity = problem.sensitivity(nuisance, problem.whitened([(nuisance, PLAIN)])[0], PLAIN)
-    columns = np.hstack([sensitivity, (shapes / problem.sd).T])[problem.train]
-    return Fit(np.zeros(columns.shape[1]), np.zeros(len(columns)), columns)
-
-
-def _known_errors(problem: Problem, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the shapes (k, N) of the errors of time steps and vessels, and the noise (N,) with what they leave."""
-    known = known_errors(problem.error_runs(), sd)
-    return np.vstack([known.steps.shapes, known.shapes]), np.sqrt(sd**2 + known.steps.sd**2 + known.sd**2)
+    runs = with_vessels(problem.error_runs(), sd)
+    known = known_errors(runs, sd)
+    shapes = np.vstack([known.steps.shapes, known.shapes])
+    return runs.forward, shapes, np.sqrt(sd**2 + known.steps.sd**2 + known.sd**2)

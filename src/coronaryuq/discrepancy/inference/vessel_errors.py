@@ -2,7 +2,7 @@
 
 A lumen is segmented with an error, and a wall's stiffness is not measured; the aorta's vessels are no exception. Where
 these errors change predictions little, their effect is linear, and its few leading shapes get weights, like those of
-the time steps.
+the time steps. Where a model oscillates, some change predictions by more than the data's noise, and not linearly.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,13 @@ from coronaryuq.discrepancy.inference.drawn_errors import SHAPED
 
 SD_RESISTANCE, SD_COMPLIANCE = 0.08, 0.12
 """Standard deviations of the logs: 0.08 is that of a radius by 2 %, in the resistance of Poiseuille's law."""
-ELEMENTS = (("resistance", ("R_poiseuille", "L"), SD_RESISTANCE), ("compliance", ("C",), SD_COMPLIANCE))
+ELEMENTS = (
+    ("resistance", "R_poiseuille", SD_RESISTANCE),
+    ("inertance", "L", SD_RESISTANCE),
+    ("compliance", "C", SD_COMPLIANCE),
+)
+LARGE = 3.0
+"""Norm of the change by one of them, in noise standard deviations, above which its effect may not be linear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +35,17 @@ class VesselErrors:
         With standard normal sizes.
     changes
         Of the predictions by one standard deviation of each: (errors, N), CGS.
-    model
-        The model with these errors as its last nuisance parameters.
     """
 
     errors: Sequence[Nuisance]
     changes: np.ndarray
-    model: Forward
+
+    def parted(self, noise: np.ndarray) -> tuple[list[Nuisance], "VesselErrors"]:
+        """Return the errors with a large effect on data of this noise (N,), and the others."""
+        large = np.linalg.norm(self.changes / noise, axis=1) > LARGE
+        chosen = [error for error, own in zip(self.errors, large, strict=True) if own]
+        others = [error for error, own in zip(self.errors, large, strict=True) if not own]
+        return chosen, replace(self, errors=others, changes=self.changes[~large])
 
     def shapes(self, noise: np.ndarray) -> tuple[list[Nuisance], np.ndarray, np.ndarray]:
         """Return the shapes of the linear effect, and what they leave.
@@ -76,13 +86,13 @@ def vessel_errors(forward: Forward) -> VesselErrors:
     errors = [
         Nuisance(f"{name} of {vessel}", sd, targets)
         for vessel in forward.anatomy.vessels
-        for name, elements, sd in ELEMENTS
-        if (targets := present(forward.anatomy, vessel, elements))
+        for name, element, sd in ELEMENTS
+        if (targets := present(forward.anatomy, vessel, (element,)))
     ]
-    own = replace(forward, simulation=forward.simulation.fresh(), nuisances=[*forward.nuisances, *errors], shapes=None)
+    own = replace(forward, shapes=None).with_nuisances([*forward.nuisances, *errors])
     # First alone: in a closed loop the others start from its state.
     (plain,) = own.predict(np.zeros(len(own.nuisances)))
     changes = own.predict(np.eye(len(own.nuisances))[len(forward.nuisances) :]) - plain
     runs = np.isfinite(changes).all(axis=1)
     found = [error for error, ran in zip(errors, runs, strict=True) if ran]
-    return VesselErrors(found, changes[runs], replace(own, nuisances=[*forward.nuisances, *found]))
+    return VesselErrors(found, changes[runs])

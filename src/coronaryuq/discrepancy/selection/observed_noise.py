@@ -68,11 +68,10 @@ class NoiseWatch:
 
         What an effect explains had counted as noise. About a wrong effect, noise may look larger.
         """
-        # The weights of shapes, of which the problems may have different numbers, start at zero.
-        start = np.zeros(self.problem.count + len(hypothesis.parameters))
-        start[self.problem.count :] = fit.z[found.count :]
-        physical = sum(nuisance.shape is None for nuisance in self.problem.forward.nuisances)
-        start[:physical] = fit.z[:physical]
+        # The weights of shapes, which differ between the problems, start at zero.
+        physical = {n.name: z for n, z in zip(found.forward.nuisances, fit.z, strict=False) if n.shape is None}
+        nuisances = [physical.get(nuisance.name, 0.0) for nuisance in self.problem.forward.nuisances]
+        start = np.concatenate([nuisances, fit.z[found.count :]])
         refit = exact(self.problem, hypothesis, start)
         if refit is not None and smaller(noise_estimates(self.problem, refit.residual), self.estimates):
             raise SmallerNoise(hypothesis, refit)
