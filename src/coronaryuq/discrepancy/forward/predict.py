@@ -84,8 +84,7 @@ class Forward:
 
     def refined(self, times: int) -> "Forward":
         """Return the model with more time steps per cycle by a factor."""
-        steps = times * self.simulation.steps_per_cycle
-        return replace(self, simulation=self.simulation.changed(steps_per_cycle=steps))
+        return replace(self, simulation=self.simulation.refined(times))
 
     def with_nuisances(self, nuisances: list[Nuisance]) -> "Forward":
         """Return the model with other nuisance parameters, and with no states of runs at points of the old ones."""

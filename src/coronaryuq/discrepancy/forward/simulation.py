@@ -43,13 +43,19 @@ class Simulation:
     threads: int = 1
     alter: Callable[[Network, str], Network] | None = None
     runs: int = 0
+    _coarse: dict[str, np.ndarray | None] = field(default_factory=dict)
     _engines: dict = field(default_factory=dict)
     _known_states: WarmStarts = field(default_factory=WarmStarts)
     _settling: FastSettling = field(default_factory=FastSettling)
 
     def changed(self, **fields) -> "Simulation":
         """Return a copy with other settings and new engines."""
-        return replace(self, **fields, runs=0, _engines={})
+        return replace(self, **fields, runs=0, _coarse={}, _engines={})
+
+    def refined(self, times: int) -> "Simulation":
+        """Return a copy with more time steps by a factor, whose unmodified model starts from the states of this one."""
+        states = self.prepared([]).start
+        return replace(self.changed(steps_per_cycle=times * self.steps_per_cycle), _coarse=states)
 
     def fresh(self) -> "Simulation":
         """Return a copy that knows no states, for points of another dimension."""
@@ -103,10 +109,12 @@ class Simulation:
                 for name, state in plain.start.items()
             }
         prepared.start = dict.fromkeys(prepared.networks)
+        known = [self._coarse.get(name) for name in prepared.networks]
         nominal = prepared.engine.run_to_periodic(
             stack(prepared, [Job(Point(np.zeros(0), {}), name) for name in prepared.networks]),
             periodicity=Periodicity(tolerance=TOLERANCE),
             steps_per_cycle=self.steps_per_cycle,
+            start=None if any(state is None for state in known) else np.array(known),
         )
         self.runs += len(prepared.networks)
         settled = nominal.cycle_error < LOOSE

@@ -170,19 +170,27 @@ class Evidence:
         possible = np.flatnonzero(np.isfinite(prior))
         found = []
         for inside in where:
-            amplitudes = [possible if here else np.zeros_like(possible) for here in inside]
-            products, determinants = (self._summed(one, amplitudes) for one in (self._products, self._determinants))
-            evidence = _log_evidence(products, determinants)
+            inner = np.flatnonzero(inside).tolist()
+            changes = [
+                self._summed(inner, [parts[number][:, possible] - parts[number][:, :1] for number in inner])
+                for parts in (self._products, self._determinants)
+            ]
+            evidence = _log_evidence(*(none + change for none, change in zip(self._undisturbed, changes, strict=True)))
             found.append(logsumexp(evidence + prior[possible] + self._data.log_priors[..., None]))
         return float(logsumexp(found)) - np.log(len(found)) - self._lacking
 
-    def _summed(self, parts: list[np.ndarray], amplitudes: list[np.ndarray]) -> np.ndarray:
-        """Return the sum of parts of the blocks (noises, T, ...) under every combination of the quantities' noises."""
+    @cached_property
+    def _undisturbed(self) -> list[np.ndarray]:
+        """Sums of products and of determinants over all blocks without an amplitude."""
+        parts = (self._products, self._determinants)
+        return [self._summed(range(len(own)), [block[:, :1] for block in own]) for own in parts]
+
+    def _summed(self, numbers: Sequence[int], parts: list[np.ndarray]) -> np.ndarray:
+        """Return the sum of parts (noises, T, ...) of blocks under every combination of the quantities' noises."""
         names = self._data.names
         total: np.ndarray | float = 0.0
-        for (name, *_), part, chosen in zip(self._data.blocks, parts, amplitudes, strict=True):
-            own = part[:, chosen]
-            axes = [len(own) if one == name else 1 for one in names]
+        for number, own in zip(numbers, parts, strict=True):
+            axes = [len(own) if one == self._data.blocks[number][0] else 1 for one in names]
             total = total + own.reshape(*axes, *own.shape[1:])
         return np.asarray(total)
 
