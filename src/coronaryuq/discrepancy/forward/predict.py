@@ -48,7 +48,7 @@ class Forward:
     masses
         Nominal tissue mass of each territory, g.
     shapes
-        Possible time-step errors of the predictions, (k, N) in CGS, weighted by the nuisance parameters `shape`.
+        Possible errors of the predictions and of the data, (k, N) in CGS, weighted by the nuisance parameters `shape`.
     """
 
     simulation: Simulation
@@ -256,7 +256,6 @@ class Forward:
         factors = {name: self.factors(prepared, name, z) for name in conditions}
         runs = [(name, i) for name in conditions for i in range(len(rows))]
         feedback = Feedback(self.reference_pressure, [responds[i] for _, i in runs])
-
         known: dict[tuple, dict[str, np.ndarray | float]] = {}
 
         def job(number: int) -> Job:
@@ -364,9 +363,7 @@ class Forward:
             return (f"flow:{into_bed(renamed.get(end, end), series.location)}",)
         if series.quantity == "ratio":
             return f"pressure:{location}", self._root_pressure(renamed)
-        if location in self._inner:
-            return (location,)
-        return (f"{series.quantity}:{location}",)
+        return (location if location in self._inner else f"{series.quantity}:{location}",)
 
     @cached_property
     def _inner(self) -> frozenset[str]:

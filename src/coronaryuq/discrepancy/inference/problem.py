@@ -250,7 +250,7 @@ class Problem:
         return bool(np.abs(moved).max(initial=0.0) > RULE.distorted)
 
     def linearisation_point(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
-        """Return the point for scoring candidates: the fit or, if distorted, the prior mean with the fit's sizes.
+        """Return the fit or, if it is distorted, the prior mean with the fit's sizes, to score candidates there, too.
 
         With the right effect the nuisance parameters are within their prior, and about its mean that effect appears
         undistorted; about a distorted fit a neighbour that causes the same distortion may look better.

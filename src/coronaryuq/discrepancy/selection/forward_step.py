@@ -104,7 +104,10 @@ def _worth_naming(fit: Fit, candidates: list[Candidate], least: float) -> list[C
 def _seen_from(
     problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: list[Candidate]
 ) -> tuple[list[Candidate], set[PlacedEffect]]:
-    """Score all candidates at another point, too; return them as they look better, and those that do there."""
+    """Score all candidates at another point, too; return them as they look better, and those that do there.
+
+    About one point recalibration may hide what the other shows.
+    """
     there = screen(problem, point, hypothesis, candidates)
     better = {c.placed for c, other in zip(candidates, there, strict=True) if other.estimate > c.estimate}
     seen = [
