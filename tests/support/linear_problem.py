@@ -73,9 +73,6 @@ class LinearProblem(Problem):
     def corrected(self, hypothesis, fit):
         return self, fit
 
-    def corrected_each(self, fits):
-        return [self.corrected(hypothesis, fit) for hypothesis, fit in fits]
-
     def missed(self, change):
         return float(np.linalg.norm(change - self.change))
 

@@ -1,5 +1,7 @@
 """Errors of steps and vessels where a loop oscillates after its valves close."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,13 +10,15 @@ from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import closed_loop
 from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
-from coronaryuq.discrepancy.inference.known_errors import known_errors, oscillates, with_vessels
-from coronaryuq.discrepancy.inference.read_problem import make_problem
-from coronaryuq.discrepancy.inference.time_step_error import FINER
+from coronaryuq.discrepancy.inference.known_errors import known_errors, oscillates
+from coronaryuq.discrepancy.inference.read_problem import make_problem, with_time_steps
+from coronaryuq.discrepancy.inference.time_step_error import FINER, time_steps
 from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.selection.answer import NOTHING
 from coronaryuq.discrepancy.settings import Settings
+from support.hypotheses import assume
 from support.small_loop import loop, oscillating_loop
 
 
@@ -28,38 +32,58 @@ def model(network):
     return forward, np.repeat(deviations, [one.value.size for one in forward.measured])
 
 
+def read_through(hypothesis, forward, noise):
+    """The model's own predictions with effects of one standard deviation as data, with this noise (N,)."""
+    sizes = np.ones(len(hypothesis.parameters))
+    values = forward.split(forward.predict(np.append(np.zeros(len(forward.nuisances)), sizes), hypothesis))
+    return [
+        replace(series, value=value[0], sd=noise[rows])
+        for series, value, rows in zip(forward.measured, values, forward.rows, strict=True)
+    ]
+
+
 def test_the_aorta_has_errors_like_any_vessel():
     forward, _ = model(loop())
     assert {"resistance of aorta", "compliance of aorta"} <= {error.name for error in vessel_errors(forward).errors}
 
 
 @pytest.mark.slow
-def test_vessels_as_parameters_hold_an_oscillation_that_the_steps_do_not_resolve():
-    """What the model lacks at new points of the prior raises the misfit by less than its noise varies."""
+def test_shapes_hold_a_fresh_draw_of_an_oscillation_that_the_steps_do_not_resolve():
+    """What steps and vessels change at new points of the prior raises the misfit by less than its noise varies."""
     forward, noise = model(oscillating_loop())
-    linear, (small, its_noise) = ErrorRuns(forward), model(loop())
-    assert oscillates(linear, noise) and not oscillates(ErrorRuns(small), its_noise)
-    both = {"linear": linear, "parameters": with_vessels(linear, noise)}
-    large = len(both["parameters"].forward.nuisances) - len(forward.nuisances)
-    assert large > 0
-    vessels = [*both["parameters"].forward.nuisances[-large:], *both["parameters"].vessels.errors]
-    fine = forward.with_nuisances([*forward.nuisances, *vessels]).refined(FINER)
-    known = {name: known_errors(runs, noise) for name, runs in both.items()}
-    random, squares = generator(2, "test", "known errors"), dict.fromkeys(both, 0.0)
+    runs, (small, its_noise) = ErrorRuns(forward), model(loop())
+    assert oscillates(runs, noise) and not oscillates(ErrorRuns(small), its_noise)
+    fine, vessels = runs.with_vessels.forward.refined(FINER), runs.vessels
+    found = {"usual": time_steps(runs, noise), "together": known_errors(runs, noise).steps}
+    random, squares = generator(2, "test", "known errors"), dict.fromkeys(found, 0.0)
     for _ in range(4):
-        z, errors = random.standard_normal(len(forward.nuisances)), random.standard_normal(len(vessels))
-        sizes = dict(zip([vessel.name for vessel in vessels], errors, strict=True))
-        (truth,) = fine.predict(np.concatenate([z, errors]))
-        for name, runs in both.items():
-            (predicted,) = runs.forward.predict(np.concatenate([z, errors[:large]])[: len(runs.forward.nuisances)])
-            predicted = predicted + [sizes[error.name] for error in runs.vessels.errors] @ runs.vessels.changes
-            steps = known[name].steps
-            sd = np.hypot(noise, steps.sd)
-            shapes, left = steps.shapes / sd, (truth - predicted - steps.change) / sd
+        z, errors = random.standard_normal(len(forward.nuisances)), random.standard_normal(len(vessels.errors))
+        (truth,), (usual,) = fine.predict(np.concatenate([z, errors])), forward.predict(z)
+        missing = {"usual": truth - usual - errors @ vessels.changes, "together": truth - usual}
+        for name, known in found.items():
+            sd = np.hypot(noise, known.sd)
+            shapes, left = known.shapes / sd, (missing[name] - known.change) / sd
             weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ left)
             squares[name] += float(left @ left - weights @ (shapes @ left)) / 4
     # What the error adds to the chi-square of the noise, against the standard deviation of that.
-    assert squares["parameters"] < np.sqrt(2.0 * len(noise)) < squares["linear"]
+    assert squares["together"] < np.sqrt(2.0 * len(noise)) < squares["usual"]
+
+
+@pytest.mark.slow
+def test_the_phase_of_an_oscillation_is_not_corrected_at_a_fit_but_read_by_instruments():
+    """It is unknown. A wrong one would be taken away by whatever damps it, such as a viscoelastic wall."""
+    forward, noise = model(oscillating_loop())
+    low_pass = assume(("flow_low_pass", "J0:lca1"))
+    measured = read_through(low_pass, forward, noise)
+    problem = with_time_steps(make_problem(forward.network, forward.conditions, measured, Settings()))
+    plain, fit = problem.corrected(PLAIN, problem.calibrate(PLAIN))
+    assert plain is problem and np.any(problem.change != 0.0)
+    read, fit = problem.corrected(low_pass, problem.calibrate(low_pass, np.append(fit.z, 1.0)))
+    columns, values = read.linear_part()
+    assert np.linalg.norm(values - problem.linear_part()[1]) > 1.0 and np.array_equal(fit.jacobian[:, columns], values)
+    again, _ = read.corrected(PLAIN, read.calibrate(PLAIN))
+    assert again.change == pytest.approx(problem.change, abs=1e-9)
+    assert again.forward.shapes == pytest.approx(problem.forward.shapes, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -68,16 +68,6 @@ def test_an_error_within_the_allowances_is_not_corrected(folder):
 
 
 @pytest.mark.slow
-def test_several_fits_are_corrected_as_each_is_alone(folder):
-    coarse, _ = with_store(folder)
-    fits = [(acting, coarse.calibrate(acting)) for acting in (STORE, assume(), assume(("inertance", "lad")))]
-    for one, (own, fit) in zip(fits, coarse.corrected_each(fits), strict=True):
-        alone, same = coarse.corrected(*one)
-        assert (own.change == alone.change).all() and (fit.z == same.z).all() and fit.evidence == same.evidence
-    assert coarse.corrected_each([]) == []
-
-
-@pytest.mark.slow
 def test_runs_with_shorter_steps_change_no_digit_of_later_runs():
     """A closed loop starts where it settled before: what is met while looking must not serve."""
     looked, other = with_time_steps(fresh()), with_time_steps(fresh())

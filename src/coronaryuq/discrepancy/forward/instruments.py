@@ -72,3 +72,10 @@ def delays(series: Series, rows: Sequence[Instruments], count: int) -> np.ndarra
     for number, row in enumerate(rows):
         late[number] = sum(effect.delay(place, sizes, series)[0] for (effect, place), sizes in row)
     return late
+
+
+def run_key(z: np.ndarray, hypothesis: Hypothesis) -> tuple:
+    """Identity of the readings before effects on the measurements that do not act on waveforms."""
+    sizes = zip(hypothesis, hypothesis.physical_sizes(z), strict=True)
+    simulated = [(e.name, place, *v.values()) for (e, place), v in sizes if e.side == "network" or e.reads_waveforms]
+    return hypothesis.nuisances(z).tobytes(), *simulated

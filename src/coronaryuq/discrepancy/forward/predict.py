@@ -13,7 +13,7 @@ from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.feedback import Feedback
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect, Sizes, shared_grafts
-from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, delays, instruments, places_read
+from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, delays, instruments, places_read, run_key
 from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
@@ -135,7 +135,7 @@ class Forward:
             feedback = any(effect.feedback for effect, _ in hypothesis)
             structure = tuple(placed.key for placed in inserted)
             _, identical = groups.setdefault((*structure, feedback, all_conditions), (inserted, {}))
-            identical.setdefault(self._run_key(z, hypothesis), []).append(number)
+            identical.setdefault(run_key(z, hypothesis), []).append(number)
         computations = []
         for (*_, all_conditions), (inserted, identical) in groups.items():
             names = [n for n in self.conditions if all_conditions or conditions is None or n in conditions]
@@ -163,14 +163,6 @@ class Forward:
         rows = [nuisance.shape for nuisance in self.nuisances if nuisance.noise and nuisance.shape is not None]
         return np.zeros((0, self.size)) if self.shapes is None else self.shapes[rows]
 
-    def _run_key(self, z: np.ndarray, hypothesis: Hypothesis) -> tuple:
-        """Identity of the readings before effects on the measurements that do not act on waveforms."""
-        sizes = zip(hypothesis, hypothesis.physical_sizes(z), strict=True)
-        simulated = [
-            (e.name, place, *v.values()) for (e, place), v in sizes if e.side == "network" or e.reads_waveforms
-        ]
-        return hypothesis.nuisances(z).tobytes(), *simulated
-
     def _predict_group(
         self, rows: list[Row], names: list[str], inserted: list[PlacedEffect]
     ) -> Computation[np.ndarray]:
@@ -178,7 +170,7 @@ class Forward:
         sizes = [hypothesis.physical_sizes(z) for z, hypothesis in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
         chains = [instruments(hypothesis, s) for (_, hypothesis), s in zip(rows, sizes, strict=True)]
-        waveforms = yield from self._simulate(prepared, rows, sizes, chains, names)
+        waveforms = yield from self.simulate(prepared, rows, sizes, chains, names)
         placed = [extents(hypothesis, s, self.anatomy) for (_, hypothesis), s in zip(rows, sizes, strict=True)]
         blocks = self.readings(waveforms, z, prepared.topology, prepared.renamed, chains, placed)
         return np.concatenate(blocks, axis=1)
@@ -205,14 +197,21 @@ class Forward:
                 places, root = placed or [{}] * len(z), self._root_pressure(renamed)
                 blocks[i] = read(series, waves, topology, places, root, self.pressure_factor)
             elif waves is not None:
-                used = [waves[name] for name in self.variables(series, renamed)]
-                elsewhere = partial(self._waveform, waves, series, renamed)
-                used[0] = as_read(series, used[0], elsewhere, chains, self.anatomy)
-                period = self.periods.get(series.condition, series.period)
-                late, grid = delays(series, chains, len(z)), np.linspace(0.0, period, used[0].shape[1])
-                blocks[i] = self._series(series, used, grid, z, late)
-                blocks[i][~np.isfinite(used[0]).all(axis=1)] = np.nan
+                blocks[i] = self.reading(series, waves, z, renamed, chains)
         return blocks
+
+    def reading(
+        self, series: Measured, waves: dict, z: np.ndarray, renamed: dict[str, str], chains: Sequence[Instruments]
+    ) -> np.ndarray:
+        """Return the values (n, values) of one series that is no pullback, as `readings`."""
+        used = [waves[name] for name in self.variables(series, renamed)]
+        elsewhere = partial(self._waveform, waves, series, renamed)
+        used[0] = as_read(series, used[0], elsewhere, chains, self.anatomy)
+        period = self.periods.get(series.condition, series.period)
+        late, grid = delays(series, chains, len(z)), np.linspace(0.0, period, used[0].shape[1])
+        values = self._series(series, used, grid, z, late)
+        values[~np.isfinite(used[0]).all(axis=1)] = np.nan
+        return values
 
     def _root_pressure(self, renamed: dict[str, str]) -> str:
         return f"pressure:{renamed.get(self.root, self.root)}"
@@ -232,7 +231,7 @@ class Forward:
         """Split (n, N) into the columns of each series."""
         return [values[:, rows] for rows in self.rows]
 
-    def _simulate(
+    def simulate(
         self, prepared: Prepared, rows: list[Row], sizes: list[Sizes], chains: list[Instruments], conditions: list[str]
     ) -> Computation[Waveforms]:
         """Return the waveforms of all rows."""

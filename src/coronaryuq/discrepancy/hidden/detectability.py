@@ -12,7 +12,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedE
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.hidden.experiment import Experiment
 from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
-from coronaryuq.discrepancy.inference.known_errors import known_errors, with_vessels
+from coronaryuq.discrepancy.inference.known_errors import known_errors
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
@@ -50,20 +50,17 @@ def least_trace(
     """
     if not signals:
         return 0.0
-    own, shapes, sd = _known_errors(problem, sd)
-    if len(own.nuisances) > problem.count:
-        model = model.with_nuisances(own.nuisances)
+    shapes, sd = _known_errors(problem, sd)
     sd = sd[problem.train]
     absorbed = shapes[:, problem.train] / sd
-    count, every = len(own.nuisances), len(own.nuisances) + len(absorbed)
-    vessels = np.zeros(count - problem.count)
+    count, every = problem.count, problem.count + len(absorbed)
     conditions = set(problem.condition[problem.train])
 
     def predicted(rows: Iterable[tuple[np.ndarray, Row]]) -> np.ndarray:
         """Return the predictions at changes (count,) of the nuisance parameters of rows without an effect."""
         moved = []
         for change, (z, hypothesis) in rows:
-            nuisances = np.concatenate([hypothesis.nuisances(z), vessels]) + change
+            nuisances = hypothesis.nuisances(z) + change
             moved.append((np.concatenate([nuisances, hypothesis.all_sizes(z)]), hypothesis))
         return model.predict_rows(moved, conditions)[:, problem.train]
 
@@ -95,8 +92,8 @@ class Traces:
         forward, plain = problem.forward, problem.forward.predict(np.zeros(problem.count))[0]
         deviations = plan.noise_sd(forward.measured, forward.split(plain[None, :]), noise)
         sd = np.repeat(deviations, [one.value.size for one in forward.measured])
-        own, shapes, sd = _known_errors(problem, sd)
-        self._problem = problem = replace(problem, forward=own)
+        shapes, sd = _known_errors(problem, sd)
+        self._problem = problem
         problem.y, problem.sd, origin = plain, sd, np.zeros(problem.count)
         sensitivity = problem.sensitivity(origin, problem.whitened([(origin, PLAIN)])[0], PLAIN)
         columns = np.hstack([sensitivity, (shapes / sd).T])[problem.train]
@@ -116,12 +113,11 @@ class Traces:
         return np.sqrt(np.maximum(squares, 0.0))
 
 
-def _known_errors(problem: Problem, sd: np.ndarray) -> tuple[Forward, np.ndarray, np.ndarray]:
-    """Return a problem's model with errors of vessels, the shapes (k, N) of others, and the noise with what they leave.
+def _known_errors(problem: Problem, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the shapes (k, N) of a problem's known errors, and the noise with what they leave.
 
     sd: of the noise alone, (N,).
     """
-    runs = with_vessels(problem.error_runs(), sd)
-    known = known_errors(runs, sd)
+    known = known_errors(problem.error_runs(), sd)
     shapes = np.vstack([known.steps.shapes, known.shapes])
-    return runs.forward, shapes, np.sqrt(sd**2 + known.steps.sd**2 + known.sd**2)
+    return shapes, np.sqrt(sd**2 + known.steps.sd**2 + known.sd**2)

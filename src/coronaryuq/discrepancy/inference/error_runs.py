@@ -1,10 +1,12 @@
 """Runs of a model from which its known errors follow; noise only weighs them, so each is made once."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
+from coronaryuq.discrepancy.forward.unresolved import waveforms
 from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors, vessel_errors
 
 
@@ -16,7 +18,7 @@ class ErrorRuns:
     _vessels: VesselErrors | None = None
     _models: dict[int, Forward] = field(default_factory=dict)
     _known: dict[tuple[int, bytes], np.ndarray] = field(default_factory=dict)
-    _with_vessels: dict[tuple[str, ...], "ErrorRuns"] = field(default_factory=dict)
+    _waves: dict[tuple[int, bytes], Waveforms] = field(default_factory=dict)
 
     @property
     def vessels(self) -> VesselErrors:
@@ -33,18 +35,25 @@ class ErrorRuns:
     def predicted(self, points: np.ndarray, times: int) -> np.ndarray:
         """Return the predictions (n, N) at points (n, p) with refined time steps."""
         if (key := (times, points.tobytes())) not in self._known:
-            if times not in self._models:
-                self._models[times] = self.forward if times == 1 else self.forward.refined(times)
-            self._known[key] = self._models[times].predict(points)
+            self._known[key] = self._model(times).predict(points)
         return self._known[key]
 
-    def with_vessels(self, noise: np.ndarray) -> "ErrorRuns":
-        """Return the runs of the model whose parameters include the errors of the vessels with a large effect.
+    def waveforms(self, points: np.ndarray, times: int) -> Waveforms:
+        """Return the waveforms of the predictions at points (n, p) with refined time steps, at the usual steps."""
+        if (key := (times, points.tobytes())) not in self._waves:
+            found = waveforms(self._model(times), points)
+            self._waves[key] = {
+                condition: {name: wave[:, ::times] for name, wave in waves.items()}
+                for condition, waves in found.items()
+            }
+        return self._waves[key]
 
-        noise: standard deviations of the data: (N,), CGS.
-        """
-        large, others = self.vessels.parted(noise)
-        key = tuple(error.name for error in large)
-        if key not in self._with_vessels:
-            self._with_vessels[key] = ErrorRuns(self.forward.with_nuisances([*self.forward.nuisances, *large]), others)
-        return self._with_vessels[key]
+    def _model(self, times: int) -> Forward:
+        if times not in self._models:
+            self._models[times] = self.forward if times == 1 else self.forward.refined(times)
+        return self._models[times]
+
+    @cached_property
+    def with_vessels(self) -> "ErrorRuns":
+        """The runs of the model with all errors of the vessels as its last parameters."""
+        return ErrorRuns(self.forward.with_nuisances([*self.forward.nuisances, *self.vessels.errors]))

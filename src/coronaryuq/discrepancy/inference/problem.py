@@ -10,6 +10,7 @@ import numpy as np
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.forward.unresolved import changed_by_instruments
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 from coronaryuq.discrepancy.inference.evidence import AllData, PossibleNoise
@@ -89,6 +90,11 @@ class Problem:
         """All data under each noise that they may have."""
         return AllData(self, gp_discrepancy.features(self))
 
+    @property
+    def unresolved(self) -> bool:
+        """Whether no steps tell the time-step error at a fit, so that it is an error of the waveforms."""
+        return self.time_steps is not None and self.time_steps.waves is not None
+
     def error_runs(self) -> ErrorRuns:
         """Return the runs of the model from which its known errors follow, before it has shapes of these."""
         self.runs = self.runs or ErrorRuns(self.forward)
@@ -160,54 +166,47 @@ class Problem:
         """Return a search that recomputes all sensitivities except constant ones; known: initial sensitivities."""
         exact = self.linear_part()
         fresh = [column for column in range(len(start)) if column not in exact[0]]
+        if "jacobian" in known:
+            known["jacobian"][:, exact[0]] = exact[1]
         return Search(label, np.array(start, dtype=float), fresh, exact=exact, flexible=self.flexible, **known)
 
     def corrected(self, hypothesis: Hypothesis, fit: Fit) -> tuple["Problem", Fit]:
-        """Apply the time-step correction at a fit and refit; returns the corrected problem and the fit."""
-        return self.corrected_each([(hypothesis, fit)])[0]
-
-    def corrected_each(self, fits: list[tuple[Hypothesis, Fit]]) -> list[tuple["Problem", Fit]]:
-        """Correct problems and fits as `corrected`, in parallel; those with a small error are left unchanged.
+        """Correct the time-step error at a fit and refit; return the corrected problem and the fit.
 
         The time-step error is known for the plain model, and how it varies with the nuisance parameters; an effect that
         makes valves open or vessels ring differently changes it. It is evaluated repeatedly at the fit until the fit no
-        longer changes (deferred correction; Pereyra 1968), and the allowances for its variation are kept.
+        longer changes (deferred correction; Pereyra 1968), and the allowances for its variation are kept. If it is
+        small, problem and fit are left unchanged.
         """
-        corrected = [(self, fit) for _, fit in fits]
-        time_steps = self.time_steps
-        if time_steps is None:
-            return corrected
-        moving = list(range(len(fits)))
+        problem = self
         for _ in range(CORRECTIONS):
-            if not moving:
+            other = problem._corrected_at(fit.z, hypothesis)
+            if other is None:
                 break
-            changes = self.time_step_change([(corrected[i][1].z, fits[i][0]) for i in moving])
-            moved = {
-                i: replace(self, time_steps=replace(time_steps, change=change))
-                for i, change in zip(moving, changes, strict=True)
-                if np.isfinite(change).all() and corrected[i][0].missed(change) >= RULE.time_step_error
-            }
-            again = self._refit([(other, fits[i][0], corrected[i][1]) for i, other in moved.items()])
-            better = {i: (moved[i], fit) for i, fit in zip(moved, again, strict=True) if fit is not None}
-            moving = list(better)
-            for i in moving:
-                corrected[i] = better[i]
-        return corrected
+            search = other._in_full(hypothesis, fit.z, jacobian=fit.jacobian.copy(), renewed=fit.renewed)
+            maximise(other.fitted, [search], self.settings.iterations)
+            if search.failed:
+                break
+            problem, fit = other, search.fit
+        return problem, fit
 
-    def _refit(self, wanted: list[tuple["Problem", Hypothesis, Fit]]) -> list[Fit | None]:
-        """Fit problems that differ from this one in their correction, from earlier fits and their sensitivities."""
-        searches = []
-        for other, hypothesis, fit in wanted:
-            label = hypothesis, other.change - self.change
-            searches.append(self._in_full(label, fit.z, jacobian=fit.jacobian.copy(), renewed=fit.renewed))
-
-        def fitted(rows: list[tuple[np.ndarray, tuple[Hypothesis, np.ndarray]]]) -> np.ndarray:
-            without = self.fitted([(z, hypothesis) for z, (hypothesis, _) in rows])
-            further = np.array([change for _, (_, change) in rows]) / self.sd
-            return without - further[:, self.train]
-
-        maximise(fitted, searches, self.settings.iterations)
-        return [None if search.failed else search.fit for search in searches]
+    def _corrected_at(self, z: np.ndarray, hypothesis: Hypothesis) -> "Problem | None":
+        """Return the problem with the time-step error at a point; None if that is hardly another."""
+        steps, shapes = self.time_steps, self.forward.shapes
+        if steps is None or shapes is None:
+            return None
+        if steps.waves is None:
+            (change,) = self.time_step_change([(z, hypothesis)])
+            small = not np.isfinite(change).all() or self.missed(change) < RULE.time_step_error
+            return None if small else replace(self, time_steps=replace(steps, change=change))
+        # What no steps tell is an error of the waveforms, and instruments read it with them.
+        by_instruments = changed_by_instruments(self.forward, steps.waves, z, hypothesis)
+        moved = by_instruments - steps.by_instruments
+        if np.linalg.norm(moved / self.sd) < RULE.time_step_error:
+            return None
+        steps = replace(steps, change=steps.change + moved[0], by_instruments=by_instruments)
+        shapes = np.vstack([shapes[: len(moved) - 1] + moved[1:], shapes[len(moved) - 1 :]])
+        return replace(self, forward=replace(self.forward, shapes=shapes), time_steps=steps)
 
     def time_step_change(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
         """Return the change (n, N) of predictions by shorter time steps for rows (z, hypothesis), CGS."""
@@ -258,15 +257,11 @@ class Problem:
         if not self.distorted(fit):
             return fit
         z = hypothesis.at_prior_mean(fit.z)
-        columns, values = self.shape_weights()
-        others = np.setdiff1d(np.arange(len(z)), columns)
-        rows = np.vstack([z, z + STEP * np.eye(len(z))[others]])
-        residuals = self.fitted([(row, hypothesis) for row in rows])
-        if not np.isfinite(residuals).all():
+        (residual,) = self.whitened([(z, hypothesis)])
+        if not np.isfinite(residual).all():
             return fit
-        jacobian = np.zeros((len(residuals[0]), len(z)))
-        jacobian[:, others], jacobian[:, columns] = -((residuals[1:] - residuals[0]) / STEP).T, values[self.train]
-        return Fit(z, residuals[0], jacobian, flexible=self.flexible)
+        jacobian = self.sensitivity(z, residual, hypothesis)
+        return Fit(z, residual[self.train], jacobian[self.train], flexible=self.flexible)
 
     def fit_candidates(
         self, base: Fit, hypothesis: Hypothesis, candidates: list[PlacedEffect], guesses: list[np.ndarray]

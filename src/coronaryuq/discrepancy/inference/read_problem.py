@@ -19,7 +19,7 @@ from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.evidence import PossibleNoise
-from coronaryuq.discrepancy.inference.known_errors import known_errors, with_vessels
+from coronaryuq.discrepancy.inference.known_errors import known_errors
 from coronaryuq.discrepancy.inference.noise import Estimate, Noise, white_and_correlated
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -176,10 +176,7 @@ def with_time_steps(problem: Problem) -> Problem:
     inertance and compliance, and those that the readings of a pullback share, are shapes with weights to be fitted, and
     what the shapes leave is added to the standard deviations.
     """
-    runs = with_vessels(problem.error_runs(), problem.sd)
-    forward, known, nuisances = problem.forward, known_errors(runs, problem.sd), runs.forward.nuisances
-    if len(nuisances) > problem.count:
-        forward = forward.with_nuisances(nuisances)
+    forward, known = problem.forward, known_errors(problem.error_runs(), problem.sd)
     steps = known.steps
     of_wires, shared = pullback_errors(forward.measured)
     weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(steps.shapes))]

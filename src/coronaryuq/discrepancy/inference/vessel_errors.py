@@ -2,7 +2,7 @@
 
 A lumen is segmented with an error, and a wall's stiffness is not measured; the aorta's vessels are no exception. Where
 these errors change predictions little, their effect is linear, and its few leading shapes get weights, like those of
-the time steps. Where a model oscillates, some change predictions by more than the data's noise, and not linearly.
+the time steps; where a model oscillates, see `known_errors`.
 """
 
 from collections.abc import Sequence
@@ -21,8 +21,6 @@ ELEMENTS = (
     ("inertance", "L", SD_RESISTANCE),
     ("compliance", "C", SD_COMPLIANCE),
 )
-LARGE = 3.0
-"""Norm of the change by one of them, in noise standard deviations, above which its effect may not be linear."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +37,6 @@ class VesselErrors:
 
     errors: Sequence[Nuisance]
     changes: np.ndarray
-
-    def parted(self, noise: np.ndarray) -> tuple[list[Nuisance], "VesselErrors"]:
-        """Return the errors with a large effect on data of this noise (N,), and the others."""
-        large = np.linalg.norm(self.changes / noise, axis=1) > LARGE
-        chosen = [error for error, own in zip(self.errors, large, strict=True) if own]
-        others = [error for error, own in zip(self.errors, large, strict=True) if not own]
-        return chosen, replace(self, errors=others, changes=self.changes[~large])
 
     def shapes(self, noise: np.ndarray) -> tuple[list[Nuisance], np.ndarray, np.ndarray]:
         """Return the shapes of the linear effect, and what they leave.

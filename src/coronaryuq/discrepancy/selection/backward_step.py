@@ -22,14 +22,7 @@ from coronaryuq.discrepancy.selection.candidates import (
     round_of,
     updated,
 )
-from coronaryuq.discrepancy.selection.refit import (
-    drop,
-    exact,
-    fit_each,
-    may_be_in_class,
-    point_without,
-    quick_fits,
-)
+from coronaryuq.discrepancy.selection.refit import drop, exact, fit_each, may_be_in_class, point_without, quick_fits
 from coronaryuq.discrepancy.selection.score_test import screen
 
 
@@ -67,13 +60,18 @@ def correct_time_steps(
     """
     before = problem
     problem, fit = before.corrected(hypothesis, fit)
-    small = before.missed(problem.change) < RULE.time_step_refit
-    if small or locate(problem, fit).alarm(problem.settings.alarm_level):
-        return problem, hypothesis, fit, rounds
     last = hypothesis.effects[-1]
     current, others = round_of(rounds, last), hypothesis.without(last)
+    alike = before.missed(problem.change) < RULE.time_step_refit and not _read_differently(before, current)
+    if alike or locate(problem, fit).alarm(problem.settings.alarm_level):
+        return problem, hypothesis, fit, rounds
     problem, hypothesis, fit, decided = compare_again(before, problem, current, others, fit)
     return problem, hypothesis, fit, replaced(rounds, current, decided)
+
+
+def _read_differently(problem: Problem, current: Round) -> bool:
+    """Whether a likely candidate is an instrument that reads what the steps do not resolve."""
+    return problem.unresolved and any(candidate.effect.reads_waveforms for candidate in likely(current.scored))
 
 
 def compare_again(
@@ -125,7 +123,7 @@ def _weigh_again(
     problems = {}
     if own_time_steps:
         close = [c for c in first if c.log_weight > least]
-        corrected = problem.corrected_each([(others.with_(c.placed), c.fitted) for c in close])
+        corrected = [problem.corrected(others.with_(c.placed), c.fitted) for c in close]
         problems = {c.placed: own for c, (own, _) in zip(close, corrected, strict=True)}
         first = updated(first, [replace(c, fit=fit) for c, (_, fit) in zip(close, corrected, strict=True)])
     # In a large class, e.g. every pair of outlets, the sensitivities hardly differ from the present candidate's.

@@ -89,7 +89,7 @@ def from_other_starts(problem: Problem, hypothesis: Hypothesis, candidates: list
 
 def with_own_time_steps(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate]) -> list[Candidate]:
     """Fit candidates again, each with the time-step error corrected at its own fit."""
-    corrected = problem.corrected_each([(hypothesis.with_(c.placed), c.fitted) for c in candidates])
+    corrected = [problem.corrected(hypothesis.with_(c.placed), c.fitted) for c in candidates]
     return _with_fits(candidates, [fit for _, fit in corrected])
 
 

@@ -256,6 +256,9 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
             report("no candidate is worth naming")
             break
         state = replace(state, hypothesis=state.hypothesis.with_(step.accepted.placed), fit=step.accepted.fitted)
+        if state.problem.unresolved:
+            problem, fit = state.problem.corrected(state.hypothesis, state.fit)
+            state = replace(state, problem=problem, fit=fit)
         report(f"best: {_listed(state.hypothesis)}")
         for _ in range(len(state.hypothesis) - 1):
             before = state.hypothesis

@@ -6,16 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.discrepancy.table_model.law_selection import SHRUNK, Choice, choose
-from coronaryuq.discrepancy.table_model.laws import (
-    FLOOR_FFR,
-    LAWS,
-    ONE_EFFECT,
-    Law,
-    LawFit,
-    fit_law,
-    fit_laws,
-    predict,
-)
+from coronaryuq.discrepancy.table_model.laws import FLOOR_FFR, LAWS, ONE_EFFECT, Law, LawFit, fit_law, fit_laws, predict
 from coronaryuq.discrepancy.table_model.tables import Branch
 
 FOLDS = 5
