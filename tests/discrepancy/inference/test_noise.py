@@ -118,6 +118,28 @@ def test_waveforms_too_short_to_scatter_have_the_stated_noise():
     assert np.isfinite(with_noises.all_data.evidence(at_zero, jacobian).unknown)
 
 
+def test_the_noise_of_single_values_may_be_larger_than_stated():
+    """Twenty values that scatter twice as much as stated; where they scatter as stated, that costs little."""
+    values = [
+        replace(
+            series(quantity="perfusion"), statistic="mean", time=None, value=np.zeros(1), sd=np.ones(1), location=bed
+        )
+        for bed in map(str, range(20))
+    ]
+    problem = series_problem([series(), *values])
+    estimates = noise_estimates(problem, np.zeros(SAMPLES + 20))
+    assert estimates["perfusion"].noise is None and len(estimates["perfusion"].alternatives) > 1
+    noisy = replace(problem, noises=possible_noises(problem, {"perfusion": estimates["perfusion"]}, []))
+    random = np.random.default_rng(4).standard_normal(20)
+    random *= np.sqrt(20.0 / (random @ random))
+    gain = {}
+    for scale in (1.0, 2.0):
+        at_zero, jacobian = np.concatenate([np.zeros(SAMPLES), scale * random]), np.zeros((SAMPLES + 20, 0))
+        known, stated = (one.all_data.evidence(at_zero, jacobian).right for one in (noisy, problem))
+        gain[scale] = known - stated
+    assert gain[2.0] > 5.0 and np.log(0.6) <= gain[1.0] < 0.0
+
+
 @pytest.mark.parametrize("scale", [1.0, 1.5])
 @pytest.mark.parametrize("correlation_time", [0.03, 0.06])
 def test_scale_and_correlation_time_are_estimated_together(correlation_time, scale):

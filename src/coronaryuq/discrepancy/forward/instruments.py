@@ -30,11 +30,7 @@ def places_read(series: Series, rows: Iterable[Instruments], anatomy: Anatomy) -
 
 
 def as_read(
-    series: Series,
-    wave: np.ndarray,
-    at: Callable[[str], np.ndarray],
-    rows: Sequence[Instruments],
-    anatomy: Anatomy,
+    series: Series, wave: np.ndarray, at: Callable[[str], np.ndarray], rows: Sequence[Instruments], anatomy: Anatomy
 ) -> np.ndarray:
     """Return the waveforms of a series as the instruments of each sample read them.
 

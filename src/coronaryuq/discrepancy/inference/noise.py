@@ -26,6 +26,9 @@ CORRELATIONS = (0.2, 0.35, 0.5, 0.6, 0.7, 0.8)
 """Correlations of successive samples that are compared with none; noise that lasts longer is an offset or a drift."""
 AS_STATED, OTHER, CORRELATED = 0.6, 0.2, 0.2
 """Prior probabilities of noise as stated, of another scale, and correlated."""
+OF_VALUES = {1.0: AS_STATED, 1.5: 0.24, 2.25: 0.16}
+"""Possible scales of the noise of a quantity without waveforms, whose values have no scatter that would show one, and
+their prior probabilities, those of larger scales as for waveforms."""
 SAME_SCALE = 0.1
 """Relative decrease of a scale up to which it is the same: posterior standard deviations decrease by no more."""
 LARGER_BY, SMALLER_BY = 1.0, 0.1
@@ -58,7 +61,8 @@ class Estimate:
     """Noise of the waveforms of one quantity by their scatter.
 
     noise: the most probable one, None for the stated one. alternatives: all, with the scale that the scatter shows;
-    smaller ones than stated only if most probable, none without scatter.
+    smaller ones than stated only if most probable, none without scatter. Of a quantity without waveforms, the noise is
+    taken as stated, and the alternatives are `OF_VALUES`.
     """
 
     noise: Noise | None
@@ -99,7 +103,7 @@ def smaller(estimates: dict[str, Estimate], known: dict[str, Estimate]) -> dict[
 
 
 def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimate]:
-    """Estimate the noise of each quantity that has waveforms.
+    """Estimate the noise of each quantity, from its waveforms if it has any.
 
     Mean and first harmonics of each residual waveform, as many as leave half of the samples, are projected out, because
     there a missing effect may be; standard deviations are those with the model's floor and the time-step allowance.
@@ -126,7 +130,10 @@ def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimat
         series = problem.forward.measured[number]
         if phase is not None and series.time is not None:
             by_quantity.setdefault(series.quantity, []).append(_Waveform(series, phase, residual[rows]))
-    return {quantity: _estimate(waveforms) for quantity, waveforms in by_quantity.items()}
+    of_values = Estimate(None, tuple(Alternative(Noise(scale), float(np.log(p))) for scale, p in OF_VALUES.items()))
+    quantities = [series.quantity for series in problem.forward.measured if series.pullback is None]
+    of_waveforms = {quantity: _estimate(waveforms) for quantity, waveforms in by_quantity.items()}
+    return dict.fromkeys(quantities, of_values) | of_waveforms
 
 
 class _Waveform:

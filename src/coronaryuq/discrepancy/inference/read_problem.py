@@ -230,10 +230,11 @@ def _noisy(
     measured: list[Measured] = []
     shapes: list[np.ndarray] = []
     names: list[str] = []
-    for series, rows in zip(problem.forward.measured, problem.forward.rows, strict=True):
-        if series.statistic == "waveform" and series.quantity in noise:
+    shown = _quantities(problem.forward.measured)
+    for series, rows, quantity in zip(problem.forward.measured, problem.forward.rows, shown, strict=True):
+        if quantity in noise:
             sd = problem.sd[rows]
-            white, correlated = white_and_correlated(series, noise[series.quantity])
+            white, correlated = white_and_correlated(series, noise[quantity])
             added = sd**2 - series.sd**2
             own = np.sqrt(np.maximum((white * sd) ** 2 - added, (LEAST_WHITE * series.sd) ** 2))
             measured.append(replace(series, sd=own))
@@ -245,6 +246,14 @@ def _noisy(
         else:
             measured.append(series)
     return [_without(series, outliers) for series in measured], shapes, names
+
+
+def _quantities(measured: Sequence[Measured]) -> list[str]:
+    """Return the quantity of each series; empty for single values beside waveforms, and for readings of a pullback."""
+    waveforms = {series.quantity for series in measured if series.statistic == "waveform"}
+    others = [bool(series.pullback) or series.quantity in waveforms for series in measured]
+    alike = [series.statistic == "waveform" or not other for series, other in zip(measured, others, strict=True)]
+    return [series.quantity if one else "" for series, one in zip(measured, alike, strict=True)]
 
 
 def possible_noises(
@@ -269,7 +278,7 @@ def possible_noises(
     best = {quantity: one.noise for quantity, one in estimates.items() if one.noise is not None}
     measured, _, _ = _noisy(problem, best, outliers)
     own = np.concatenate([series.sd for series in measured])
-    quantities = np.array([series.quantity if series.statistic == "waveform" else "" for series in measured])
+    quantities = np.array(_quantities(measured))
     found = {}
     for quantity, estimate in estimates.items():
         noises = []

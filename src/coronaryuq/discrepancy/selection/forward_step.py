@@ -61,12 +61,7 @@ class Pool:
 
 
 def forward_step(
-    problem: Problem,
-    fit: Fit,
-    hypothesis: Hypothesis,
-    candidates: list[Candidate],
-    point: Fit,
-    least: float,
+    problem: Problem, fit: Fit, hypothesis: Hypothesis, candidates: list[Candidate], point: Fit, least: float
 ) -> Round:
     """Fit the shortlist of scored candidates, weigh it, and accept the best if the odds of its class suffice.
 

@@ -350,11 +350,7 @@ def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
 
 
 def assess(
-    problem: Problem,
-    fit: Fit,
-    hypothesis: Hypothesis,
-    library: Library = SEARCHED,
-    earlier: Iterable[Candidate] = (),
+    problem: Problem, fit: Fit, hypothesis: Hypothesis, library: Library = SEARCHED, earlier: Iterable[Candidate] = ()
 ) -> tuple[Located, list[Candidate]]:
     """Locate the misfit and score every candidate about a fit; the global test includes the best of them (Bonferroni).
 
