@@ -26,6 +26,8 @@ def sampled(forward: Forward, waves: Waveforms, z: np.ndarray) -> np.ndarray:
 def changed_by_instruments(forward: Forward, parts: Waveforms, z: np.ndarray, hypothesis: Hypothesis) -> np.ndarray:
     """Return what the instruments of a hypothesis change of the readings of parts of the waveforms.
 
+    Linear instruments read a sum as the sum of its parts; a meter that saturates is taken to read each part alone.
+
     Parameters
     ----------
     forward
