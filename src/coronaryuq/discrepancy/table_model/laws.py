@@ -58,6 +58,9 @@ that lacks a stenosis ends far from its prior, or in a worse optimum."""
 NORMAL_90 = 1.6449
 CURVATURE_STEP = 3e-4
 SLOPE_STEP = float(np.sqrt(np.finfo(float).eps))
+STEEPEST = 1e-3
+"""Largest slope of a fit's objective at its optimum, nats per prior standard deviation: evidence is then exact to 1e-6
+nats, which is as well as one-sided differences resolve the slope."""
 ROOT = "root"
 MOST_EFFECTIVE = 100
 """Maximum effective sample size: the error of a law is common to all samples and does not average out."""
@@ -134,7 +137,7 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
     none = np.zeros(len(law.terms))
     starts = [np.r_[0.0, own, 0.0, none] for own in OWN_LOSS]
     starts += [np.r_[0.0, 0.0, 0.0, none + k] for k in (-1.0, 1.0) if law.terms]
-    optima = [minimize(with_gradient, start, method="BFGS", jac=True) for start in starts]
+    optima = [minimize(with_gradient, start, method="BFGS", jac=True, options={"gtol": STEEPEST}) for start in starts]
     best = min(optima, key=lambda optimum: optimum.fun)
     fitted: Terms = {name: float(value) for name, value in terms(best.x).items()}
     rms = float(np.sqrt(np.mean((predict(branch, fitted)[0] - branch.distal3 / branch.root3)[rows] ** 2)))
