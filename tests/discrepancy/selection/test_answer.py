@@ -47,9 +47,12 @@ def weighed(problem, effect=FOUND):
     return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [PRIOR], POSSIBLE)
 
 
-def test_probabilities_add_up():
-    found = weighed(problem_of(RESPONSE))
-    assert sum(found.probabilities.values()) == pytest.approx(1.0)
+@pytest.mark.parametrize("change", [RESPONSE, *(size * np.cos(4.0 * np.pi * PHASE) for size in (100.0, 250.0, 600.0))])
+def test_probabilities_add_up(change):
+    """None exceeds 1 either, however large the misfit, and with it the logarithms, is."""
+    found = weighed(problem_of(change))
+    assert sum(found.probabilities.values()) == pytest.approx(1.0, abs=1e-12)
+    assert max(found.probabilities.values()) <= 1.0
     assert sum(found.forms.values()) == pytest.approx(found.probabilities[OTHER])
 
 

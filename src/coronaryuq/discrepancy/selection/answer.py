@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
@@ -147,10 +147,9 @@ def answer(
             named = right
         else:
             other[ALONE] = float(np.logaddexp(other[ALONE], right))
-    total = logsumexp([nothing, named, *other.values()])
-    forms = {form: float(np.exp(weight - total)) for form, weight in other.items()}
-    probabilities = {NOTHING: float(np.exp(nothing - total)), NAMES: float(np.exp(named - total))}
-    probabilities[OTHER] = sum(forms.values())
+    shares = softmax([nothing, named, *other.values()]).tolist()
+    forms = dict(zip(other, shares[2:], strict=True))
+    probabilities = {NOTHING: shares[0], NAMES: shares[1], OTHER: min(sum(shares[2:]), 1.0)}
     best, support = (right, found.unknown - plain.unknown) if hypothesis else (nothing, 0.0)
     return Answer(probabilities, forms, device, float(best), support, wiring, implausible, constancies)
 
