@@ -66,20 +66,13 @@ class Toy:
         return np.concatenate([np.log(chains.kept_multipliers), z], axis=2)
 
 
-SHARED = pytest.param((Shared, 3), id="shared", marks=pytest.mark.long)
-
-
-@pytest.fixture(scope="module", params=[SHARED, pytest.param((Narrowed, 2), id="narrowed")])
+@pytest.fixture(scope="module", params=[(Shared, 3), (Narrowed, 2)], ids=["shared", "narrowed"])
 def toy(request):
     return Toy(*request.param)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "settings",
-    [INDEPENDENCE, pytest.param(DELAYED, marks=pytest.mark.long), pytest.param(PLAIN, marks=pytest.mark.long)],
-    ids=["independence", "delayed", "plain"],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("settings", [INDEPENDENCE, DELAYED, PLAIN], ids=["independence", "delayed", "plain"])
 def test_errors_are_those_that_the_chains_state(toy, settings, tmp_path, capsys):
     """Means, and probabilities below the 5 % and the 95 % quantile: their z-scores have mean square 1 over seeds."""
     space = toy.posterior.space
