@@ -39,6 +39,7 @@ def test_the_hearts_value_is_that_of_the_loop_that_was_searched():
         ("autoregulation", "all beds", "follow the pressures"),
         ("incomplete_hyperaemia", "all beds", "condition of the case"),
         ("exchanged_outlets", "BC_lca1~BC_lca2", "wiring"),
+        ("side_branch", "lca1", "add the branch to the case's anatomy"),
     ],
 )
 def test_what_cannot_act_leaves_the_network_as_it_is_and_gives_a_reason(name, place, says):

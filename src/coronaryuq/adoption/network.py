@@ -116,6 +116,8 @@ def _obstacle(network: Network, one: Placed, scales: Mapping[str, Any], named: s
     if renamed:
         return f"its elements would stand at {renamed[0]}, where the case reads pressure or flow"
     with_elements = law.insert(network, one.place, anatomy)
+    if len(Anatomy(with_elements).beds) > len(anatomy.beds):
+        return "its bed would be an outlet that the case does not have: add the branch to the case's anatomy"
     mixture = EffectMixture("", (), scales)
     member = Member(one.effect, one.place, 1.0, True, tuple(one.mean), tuple(map(tuple, one.covariance)), {})
     values = _changes(with_elements, mixture, member)

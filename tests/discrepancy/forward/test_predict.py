@@ -52,6 +52,9 @@ def test_only_a_few_collaterals_share_a_network(problem, monkeypatch):
     monkeypatch.setattr(hypothesis, "MANY", 2)
     collateral = effect("collateral")
     ends = [placed(collateral, place) for place in collateral.places(problem.forward.anatomy)]
+    branches = [placed("side_branch", place) for place in ("lad", "lcx", "lad_proximal")]
+    shares = shared_grafts([*LEAKS, *branches, *ends])
+    assert shares[branches[0]] == branches[:2] and shares[branches[2]] == branches[2:], "apart from leaks"
     shares = shared_grafts([*LEAKS, *ends])
     assert set(shares) == {*LEAKS, *ends} and all(one in share for one, share in shares.items())
     assert all(set(LEAKS) <= set(shares[one]) for one in LEAKS)

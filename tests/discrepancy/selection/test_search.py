@@ -150,3 +150,12 @@ def test_beds_far_from_their_prior_hide_no_effect(tmp_path):
     found = analyse(tmp_path)
     assert found.problem.distorted(found.base)
     assert [placed.effect.name for placed in found.hypothesis] == ["flow_offset"] and found.answer.given == NAMES
+
+
+@pytest.mark.slow
+def test_a_side_branch_that_the_model_lacks_is_no_error_of_a_probe(tmp_path):
+    """Its bed dilates as the others do. With a leak of constant resistance alone, a flow gain was named at 0.98."""
+    truth, _ = hide(Case(("side_branch",), "medium", "nominal", 75001), open_loop(), tmp_path, NATURE)
+    (entry,) = analyse(tmp_path).named
+    assert set(truth.hypothesis) <= {member.placed for member in entry.members}
+    assert entry.named.effect.name == "side_branch"

@@ -8,6 +8,8 @@ from scipy.optimize import linprog
 
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.case.network.network import Network
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
+from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Series
 from coronaryuq.zerod.effects.library import SEARCHED, effect
@@ -169,6 +171,24 @@ def test_a_leak_takes_its_share_of_the_flow():
     assert above == pytest.approx(below + leak, rel=1e-6)
     # The leak is rated at the mean pressure of the root; the drop on the way there takes a little.
     assert leak == pytest.approx(0.5 * anatomy.flow["lcx"], rel=0.2)
+
+
+@pytest.mark.parametrize("dilated", [1.0, 0.25])
+def test_the_bed_of_a_side_branch_is_in_proportion_to_the_others_under_every_condition(dilated):
+    """At the same pressure half of a bed has half of its flow, at every moment; so does a bed for two."""
+    network = left_coronary()
+    anatomy = anatomy_of(network)
+    one, sizes = effect("side_branch"), {"share": np.array([0.5])}
+    condition = Condition("any", coronary_resistance_scale=dilated)
+    branched = one.insert(one.insert(network, "lcx", anatomy), "lad_proximal", anatomy)
+    under = apply_condition(branched, condition)
+    changes = one.changes(under, "lcx", sizes, anatomy, situation(anatomy, dilated))
+    statistics, ends = ("mean", "max", "min"), ("lcx_branch:BC_lcx", "side_branch_lcx:BC_side_branch_lcx")
+    names = [[f"{statistic}_flow:{end}" for statistic in statistics] for end in ends]
+    found = Engine(under).run_to_periodic(changes, sum(names, []), steps_per_cycle=200).values
+    below, branch = (np.array([found[name][0] for name in each]) for each in names)
+    assert branch == pytest.approx(0.5 * below, rel=1e-5)
+    assert set(one.changes(under, "lad_proximal", sizes, anatomy, situation(anatomy))).isdisjoint(changes)
 
 
 def test_incomplete_hyperaemia_does_not_act_at_rest(tree):

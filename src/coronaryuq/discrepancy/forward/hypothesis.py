@@ -8,9 +8,10 @@ import numpy as np
 
 from coronaryuq.zerod.effects.base import Effect, Parameter
 
-COLLATERALS = ("collateral", "distal_collateral")
+APART = ("collateral", "distal_collateral", "side_branch")
+"""Effects of which at most `MANY` share a network, without others."""
 MANY = 20
-"""Number of collaterals in one network; all pairs of outlets together would couple all vessels."""
+"""Collaterals between all pairs of outlets would couple all vessels, and a bed more at every vessel slow all runs."""
 
 
 Sizes = list[dict[str, float]]
@@ -113,10 +114,10 @@ PLAIN = Hypothesis()
 
 
 def shared_grafts(grafts: list[PlacedEffect]) -> dict[PlacedEffect, list[PlacedEffect]]:
-    """Map each graft to all grafts in the same network: those on one side of the probes, and some collaterals."""
-    kinds = [(one.effect.beyond_probes, one.effect.name in COLLATERALS) for one in grafts]
-    shares: dict[tuple[bool, int], list[PlacedEffect]] = {}
-    for number, (one, (beyond, collateral)) in enumerate(zip(grafts, kinds, strict=True)):
-        turn = kinds[:number].count((beyond, True)) // MANY if collateral else 0
-        shares.setdefault((beyond, turn), []).append(one)
+    """Map each graft to all grafts in the same network: those on one side of the probes, or some of one effect."""
+    kinds = [(one.effect.beyond_probes, one.effect.name in APART and one.effect.name) for one in grafts]
+    shares: dict[tuple, list[PlacedEffect]] = {}
+    for number, (one, kind) in enumerate(zip(grafts, kinds, strict=True)):
+        turn = kinds[:number].count(kind) // MANY if kind[1] else 0
+        shares.setdefault((kind, turn), []).append(one)
     return {one: share for share in shares.values() for one in share}

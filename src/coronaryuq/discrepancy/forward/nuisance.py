@@ -10,10 +10,9 @@ from coronaryuq.discrepancy.data.apply_condition import LOSS
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.anatomy import RESISTANCES, Anatomy
+from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
 
-COMPLIANCES = ("Ca", "Cim", "Cc", "C")
 SD_MASS = 1.0
 
 

@@ -114,7 +114,7 @@ class Forward:
         conditions
             Conditions to run, by default all. Rows with an effect on the measurements run all.
         grafts
-            Effects inserted into one network (of many collaterals: a few), inactive except in the rows that have them.
+            Effects inserted into common networks (`shared_grafts`), inactive except in the rows that have them.
 
         Returns
         -------

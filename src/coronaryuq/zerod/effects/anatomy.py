@@ -7,6 +7,8 @@ CORONARY_TYPES = ("CORONARY", "CORONARY_VAR_RES", "ClosedLoopCoronaryLeft", "Clo
 SYSTEMIC_TYPES = ("RCR", "ClosedLoopRCR", "RESISTANCE")
 RESISTANCES = ("Ra", "Ram", "Rv", "Ra1", "Ra2", "Ra2_min", "Ra2_max", "Rv1", "Rp", "Rd", "R")
 """All names of bed resistances in svZeroDSolver."""
+COMPLIANCES = ("Ca", "Cim", "Cc", "C")
+"""All names of bed compliances in svZeroDSolver."""
 ARTERIOLAR = ("Ra", "Ram", "Ra1", "Ra2", "Ra2_min", "Ra2_max")
 """Resistances that hyperaemia lowers."""
 

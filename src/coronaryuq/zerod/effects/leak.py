@@ -1,9 +1,11 @@
-"""Side branch missing from the model."""
+"""Blood that leaves a vessel on a path missing from the model: a side branch, or a leak to the veins."""
 
 from collections.abc import Sequence
+from copy import deepcopy
+from typing import Any
 
-from coronaryuq.case.network.network import Network
-from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.case.network.network import GRAFTED, Network
+from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values
 from coronaryuq.zerod.effects.grafting import (
     DISTAL,
@@ -15,14 +17,20 @@ from coronaryuq.zerod.effects.grafting import (
     probes_kept,
 )
 
+CLOSED = 1e-9
+"""Fraction of a usual flow that an added path carries before `changes` opens it."""
+
 
 class SideBranchLeak(Effect):
-    """Flow lost to a side branch at the end of a vessel, through a resistance to the veins."""
+    """Flow lost at the end of a vessel to the veins, through a resistance that does not dilate, as of a fistula."""
 
     name = "side_branch_leak"
     formula = "Q_leak = (P - P_v) / R_leak at the vessel's end; P_v = 0 in an open loop"
-    source = "Gosling et al., J. Biomech. 103 (2020) 109698 (side-branch flow)"
-    signature = "flow into the vessel above the sum of the flows out of it; distal pressures slightly lower"
+    source = "Mangukia, Ann. Thorac. Surg. 93 (2012) 2084 (coronary artery fistula)"
+    signature = (
+        "flow into the vessel above the sum of the flows out of it, by an amount in proportion to pressure that does "
+        "not rise as the beds dilate; distal pressures slightly lower"
+    )
     native = "a BloodVessel with a RESISTANCE (open loop) or ClosedLoopRCR (closed loop) outlet"
     grafted = True
     parameters = (Parameter("share", "1", "lognormal", 0.2, 1.0, "leak over the mean flow of the vessel in the model"),)
@@ -34,17 +42,19 @@ class SideBranchLeak(Effect):
 
     def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network, junction, _ = open_end(network, place, self.tag)
-        weak = 1e9 * anatomy.pressure / anatomy.flow_scale(place)
         bed = self._bed(network, place)
         leak = add_vessel(network, f"{self.added}_{place}", {"R_poiseuille": 0.0}, outlet=bed)
-        if anatomy.closed_loop:
-            values = {"Rp": 0.1 * weak, "Rd": 0.9 * weak, "C": 0.0, "closed_loop_outlet": True}
-            block = {"bc_name": bed, "bc_type": "ClosedLoopRCR", "bc_values": values}
-        else:
-            block = {"bc_name": bed, "bc_type": "RESISTANCE", "bc_values": {"R": weak, "Pd": 0.0}}
-        network["boundary_conditions"].append(block)
+        network["boundary_conditions"].append({"bc_name": bed, **self._closed(place, anatomy)})
         attach(network, junction, "outlet", leak)
         return network
+
+    def _closed(self, place: str, anatomy: Anatomy) -> dict[str, Any]:
+        """Return type and values of the bed before it is opened."""
+        weak = anatomy.pressure / (CLOSED * anatomy.flow_scale(place))
+        if anatomy.closed_loop:
+            values = {"Rp": 0.1 * weak, "Rd": 0.9 * weak, "C": 0.0, "closed_loop_outlet": True}
+            return {"bc_type": "ClosedLoopRCR", "bc_values": values}
+        return {"bc_type": "RESISTANCE", "bc_values": {"R": weak, "Pd": 0.0}}
 
     def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
         return locations_renamed(anatomy, place, self.tag)
@@ -66,6 +76,52 @@ class SideBranchLeak(Effect):
     @staticmethod
     def _resistance(place: str, share: Number, anatomy: Anatomy) -> Number:
         return anatomy.pressure / (share * anatomy.flow_scale(place))
+
+
+class SideBranch(SideBranchLeak):
+    """Flow lost at the end of a vessel to a side branch whose bed dilates and is compressed as those beyond the vessel.
+
+    The bed is of the kind of the first one beyond the vessel, with resistances and compliances in proportion to the
+    share.
+    """
+
+    name = "side_branch"
+    formula = "1 / R_branch = s sum(1 / R_i), R_i of the beds beyond the vessel's end; compliances in proportion"
+    source = "Gosling et al., J. Biomech. 103 (2020) 109698 (side-branch flow)"
+    signature = "flow into the vessel above the sum of the flows out of it, by the same fraction in every condition"
+    native = "a BloodVessel with a bed of the kind of those beyond it"
+    parameters = (
+        Parameter("share", "1", "lognormal", 0.2, 1.0, "conductance of the branch over that of the beds beyond it"),
+    )
+    tag, added = "branch", "side_branch"
+
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        beds = [network.bed_values(name) for name in anatomy.beds_below(place)]
+        conductances = [1.0 / sum(values.get(name, 0.0) for name in RESISTANCES) for values in beds]
+        # Conditions have changed the closed bed as they have changed the first of the others.
+        opened = sizes["share"] * sum(conductances) / conductances[0] / CLOSED
+        bed = self._bed(network, place)
+        values = network.bed_values(bed)
+        changes = {f"{bed}.{name}": values[name] / opened for name in RESISTANCES if name in values}
+        return changes | {f"{bed}.{name}": values[name] * opened for name in COMPLIANCES if name in values}
+
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
+        return dict(sizes)
+
+    def _closed(self, place: str, anatomy: Anatomy) -> dict[str, Any]:
+        first = deepcopy(anatomy.blocks[_own_beds(place, anatomy)[0]])
+        values = first["bc_values"]
+        values |= {name: values[name] / CLOSED for name in RESISTANCES if name in values}
+        values |= {name: values[name] * CLOSED for name in COMPLIANCES if name in values}
+        return {"bc_type": first["bc_type"], "bc_values": values}
+
+
+def _own_beds(place: str, anatomy: Anatomy) -> list[str]:
+    """Return the beds beyond a vessel that no effect has added."""
+    added = {f"BC_{vessel['vessel_name']}" for vessel in anatomy.network.vessels if GRAFTED in vessel}
+    return [bed for bed in anatomy.beds_below(place) if bed not in added]
 
 
 class DistalLeak(SideBranchLeak):

@@ -6,7 +6,7 @@ from coronaryuq.zerod.effects.collateral import Collateral, DistalCollateral
 from coronaryuq.zerod.effects.drive import DriveGain
 from coronaryuq.zerod.effects.intramyocardial import IntramyocardialDelay, IntramyocardialPressure
 from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
-from coronaryuq.zerod.effects.leak import DistalLeak, SideBranchLeak
+from coronaryuq.zerod.effects.leak import DistalLeak, SideBranch, SideBranchLeak
 from coronaryuq.zerod.effects.measuring_chain import (
     CatheterResonance,
     FlowDelay,
@@ -48,6 +48,7 @@ LIBRARY: tuple[Effect, ...] = (
     DiffuseNarrowing(),
     Collateral(),
     DistalCollateral(),
+    SideBranch(),
     SideBranchLeak(),
     DistalLeak(),
     EpicardialCompliance(),

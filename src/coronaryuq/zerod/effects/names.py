@@ -7,6 +7,7 @@ EFFECTS = (
     "diffuse_narrowing",
     "collateral",
     "distal_collateral",
+    "side_branch",
     "side_branch_leak",
     "distal_leak",
     "epicardial_compliance",
