@@ -151,7 +151,7 @@ def test_a_case_with_a_surface_names_the_caps_that_it_lacks_points_for(tmp_path)
     assert "no row of the table matches this coronary-sized cap; add one" in check_case(path)[0][0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_real_aortic_root_becomes_a_case(shared, tmp_path):
     path = write_aortic_root_case(shared, tmp_path)
     case = assemble(path, Settings())

@@ -70,7 +70,9 @@ class Chosen(ResistorTree):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [SETTINGS, PLAIN], ids=["independence", "plain"])
+@pytest.mark.parametrize(
+    "settings", [SETTINGS, pytest.param(PLAIN, marks=pytest.mark.long)], ids=["independence", "plain"]
+)
 @pytest.mark.parametrize("known", [False, True], ids=["unit unknown", "unit known"])
 def test_the_probability_of_each_choice_is_that_of_quadrature(tmp_path, settings, known):
     """Prior probability times the evidence of the flows, by quadrature over the multipliers."""
@@ -109,7 +111,9 @@ def moments_by_quadrature(posterior, points):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [SETTINGS, PLAIN], ids=["independence", "plain"])
+@pytest.mark.parametrize(
+    "settings", [SETTINGS, pytest.param(PLAIN, marks=pytest.mark.long)], ids=["independence", "plain"]
+)
 @pytest.mark.parametrize("known", [False, True], ids=["unit unknown", "unit known"])
 def test_posterior_of_one_parameter_is_that_of_quadrature(tmp_path, settings, known):
     model, laws = of(Narrowed, 2), Laws(factors(1.0))

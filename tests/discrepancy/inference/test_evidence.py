@@ -140,7 +140,7 @@ def test_something_else_in_single_values_alone_is_no_larger_error_of_them(proble
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [7000, 10001, pytest.param(42009, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seed", [7000, *(pytest.param(seed, marks=pytest.mark.long) for seed in (10001, 42009))])
 def test_noise_that_lasts_longer_than_it_seems_is_not_something_else(tmp_path, seed):
     """Standard deviations are understated by 0.7, noise has a lag-one correlation of 0.5, vessels and beds are off."""
     hide(Case((), "none", "violated", seed), open_loop(), tmp_path, NATURE)

@@ -236,7 +236,7 @@ def test_what_a_named_effect_explains_is_not_taken_for_noise(tmp_path):
     assert in_first_class(truth, found) and not found.noise
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stenosis_is_found_with_underestimated_standard_deviations(tmp_path):
     truth, _ = hide(Case(("quadratic_stenosis",), "medium", "underestimated", 101), open_loop(), tmp_path)
     found = searched(tmp_path)

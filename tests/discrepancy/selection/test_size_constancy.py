@@ -89,7 +89,7 @@ def test_sizes_that_differ_are_seen():
     assert all(judged(*case(random, (0.0, 1.5, 3.0))).log_odds > 3.0 for _ in range(50))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_drifting_vessel_is_not_named_as_a_narrowing(tmp_path):
     """Its resistance differs between conditions, which a flexible discrepancy alone does not predict better here."""
     hide(Case((), "medium", "nominal", 701, "drifting_vessel"), open_loop(), tmp_path)

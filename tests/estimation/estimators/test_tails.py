@@ -68,7 +68,8 @@ def test_dependent_runs_count_as_fewer():
     assert Dependence(ratio=1 / 60, shared=True).effective(60) == pytest.approx(30)
 
 
-@pytest.mark.parametrize("share", [0.5, pytest.param(0.95, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("share", [0.5, 0.95])
 def test_quantiles_hold_their_claims(share):
     found = [tails.quantile(d, y, p, share) for d, y, p in linear_trials()[:120]]
     truth = norm.ppf(share) * np.sqrt(VARIANCE)

@@ -139,6 +139,7 @@ def test_a_lumen_meshed_anew_gives_what_moved_nodes_give_up_to_the_meshs_error(r
     assert moved[0].outputs["ffr_lad"] > 2.0 * same["ffr_lad"]  # of the wider lumen beside it
 
 
+@pytest.mark.long
 def test_a_sample_meshed_anew_does_not_depend_on_its_batch(here, rows):
     (alone,) = run(here, 1, 1)
     assert alone.outputs == rows[1].outputs

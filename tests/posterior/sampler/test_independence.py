@@ -66,7 +66,7 @@ def test_a_wrong_emulator_costs_draws_and_no_correctness():
         assert_moments(emulated, mean, covariance)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_twisted_target():
     """Haario's twist, b = 0.03, with an emulator whose b is a tenth smaller."""
 
