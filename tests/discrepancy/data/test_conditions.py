@@ -22,6 +22,11 @@ def test_unknown_free_parameters_are_rejected(tmp_path, free):
         read(tmp_path, f"rest: {{free: {free}}}")
 
 
+def test_a_drive_that_does_not_exist_is_refused_with_its_condition_and_block(tmp_path):
+    with pytest.raises(InputError, match=r"conditions\.yaml: rest\.drive\.AORTA = .lost\.csv.: no such file"):
+        read(tmp_path, "rest: {drive: {AORTA: lost.csv}}")
+
+
 def test_every_drive_has_its_own_file():
     """Also on a file system that ignores case, and never in another folder."""
     wanted = [

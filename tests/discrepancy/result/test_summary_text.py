@@ -1,7 +1,7 @@
 """The paragraph of a search says what its answer is."""
 
 from coronaryuq.discrepancy.result import summary_text
-from coronaryuq.discrepancy.selection.answer import NAMES, OTHER, UNLISTED
+from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, UNLISTED
 
 
 def told(form):
@@ -24,3 +24,18 @@ def test_the_device_of_an_unlisted_response_is_told():
         "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
         "of a shape that the library does not list, is likelier. No effect is named. "
     )
+
+
+def agreeing(alarm):
+    """What the paragraph says of a model that nothing is missing from, with an alarm of the global test or without."""
+    facts = {"measurements": 606, "objective": 600.0, "answer": {"probabilities": {NOTHING: 0.97}}}
+    gaps = {"before": {"misfit": 1.0}, "scheme": "held out", "conditions": ["pacing"], "p_held_out": 0.4}
+    answer = {"facts": facts, "held_out": gaps, "global_test": {"p": 1e-9 if alarm else 0.3}, "consistent": True}
+    return summary_text.paragraph(answer | {"alarm": alarm, "noise": {}, "outliers": []})
+
+
+def test_a_model_whose_misfit_is_within_its_own_error_is_not_said_to_agree():
+    assert "agrees with the 606 fitted measurements (global test p = 0.3): there is nothing" in agreeing(False)
+    said = agreeing(True)
+    assert "leaves a misfit to the 606 fitted measurements (global test p = 1e-09), but one within" in said
+    assert "nothing is missing (probability 0.97)" in said and "agrees" not in said

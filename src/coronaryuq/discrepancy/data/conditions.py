@@ -129,7 +129,7 @@ def _condition(path: str | Path, name: str, keys: Any) -> Condition:
         period_scale=_scale(path, f"{name}.period_scale", keys),
         scale=_factors(path, f"{name}.scale", keys.get("scale") or {}),
         set=_table(path, f"{name}.set", keys.get("set") or {}),
-        drive={bc: _drive(Path(path).parent / str(file)) for bc, file in drive.items()},
+        drive={bc: _drive(path, f"{name}.drive.{bc}", str(file)) for bc, file in drive.items()},
         held_out=held_out,
         free=_free(path, name, keys.get("free") or ()),
         stenosis=stenosis,
@@ -203,7 +203,10 @@ def _number(path: str | Path, where: str, value: Any) -> float:
     return number
 
 
-def _drive(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def _drive(conditions: str | Path, where: str, file: str) -> tuple[np.ndarray, np.ndarray]:
+    path = Path(conditions).parent / file
+    if not path.is_file():
+        raise InputError(conditions, where, file, "no such file; give its path relative to the conditions file")
     frame = read_csv(path, ("t", "value"))
     for column in ("t", "value"):
         if not np.issubdtype(frame[column].dtype, np.number) or not np.isfinite(frame[column]).all():

@@ -55,11 +55,15 @@ def paragraph(answer: Mapping) -> str:
     count, p = facts["measurements"], answer["global_test"]["p"]
     data_notes = noise_notes(answer["noise"]) + outlier_notes(answer["outliers"])
     if answer["consistent"]:
+        agreement = (
+            f"leaves a misfit to the {count} fitted measurements (global test {p_text(p)}), but one within the error "
+            f"of a right model: nothing is missing (probability {facts['answer']['probabilities'][NOTHING]:.2f}). "
+            if answer["alarm"]
+            else f"agrees with the {count} fitted measurements (global test {p_text(p)}): there is nothing to explain. "
+        )
         text = data_notes + (
-            f"After recalibration within its priors, the model agrees with the {count} fitted measurements "
-            f"(global test {p_text(p)}): there is nothing to explain. "
-            + (f"{_own_error(facts)} " if answer["alarm"] else "")
-            + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
+            f"After recalibration within its priors, the model {agreement}"
+            f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
         )
         return (
             text + overstated_sd_warning(facts["objective"], count) + prediction_warning(gaps["p_held_out"], held_out)
@@ -86,13 +90,6 @@ def paragraph(answer: Mapping) -> str:
         text += "The best explanation is " if number == 0 else "A further effect is "
         text += _named_effect(effect, facts["best"])
     return (text + _not_confirmed(answer) + _remaining(answer, held_out)).rstrip()
-
-
-def _own_error(facts: Mapping) -> str:
-    return (
-        "What the test finds is within the errors that a model of this kind has "
-        f"(probability that nothing is missing {facts['answer']['probabilities'][NOTHING]:.2f})."
-    )
 
 
 def _outside_library(answer: Mapping, held_out: list[str]) -> str:
@@ -142,7 +139,8 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         reason = (
             f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "
             f"not have (probability of the name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}); "
-            f"to a flexible error {'it adds' if one else 'they add'} {forms['support_nats']:.0f} nats of evidence. "
+            f"to a flexible error {'it adds' if one else 'they add'} {max(forms['support_nats'], 0.0):.0f} nats of "
+            "evidence. "
             f"{capitalised(_shape_text(gaps))} {change}"
         )
     return f"{start}: {reason}"
@@ -213,7 +211,7 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
         one = len(answer["held_out"]["conditions"]) == 1
         remedy = "measure another condition and hold it out" if one else "hold a condition out"
         text += f"This does not test the names, which were chosen using all conditions: {remedy} to test them. "
-    if named and after[DENSITY] < before[DENSITY]:
+    if named and round(after[DENSITY], 2) < round(before[DENSITY], 2):
         text += (
             "The held-out data are predicted worse with the named effects than with recalibration alone (log "
             f"predictive density per row {after[DENSITY]:.2f}, {before[DENSITY]:.2f}). "
