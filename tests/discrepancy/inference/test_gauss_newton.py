@@ -6,7 +6,6 @@ from scipy import stats
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
-from coronaryuq.discrepancy.inference.locate import false_discovery
 
 
 def linear_case(seed, rows=40, columns=5):
@@ -154,17 +153,6 @@ def test_objective_is_chi_squared_under_the_model():
     g = random.standard_normal((30, 4))
     values = [fit_of(g, g @ random.standard_normal(4) + random.standard_normal(30)).objective for _ in range(trials)]
     assert stats.kstest(values, stats.chi2(30).cdf).pvalue > 1e-3
-
-
-def test_false_discovery_is_controlled_under_the_null():
-    random = generator(5, "test", "fdr")
-    found = sum((false_discovery(random.uniform(size=50)) < 0.05).any() for _ in range(500))
-    assert found / 500 < 0.05 + 4 * np.sqrt(0.05 * 0.95 / 500)
-
-
-def test_false_discovery_agrees_with_scipy():
-    p = generator(6, "test", "by").uniform(size=20) ** 2
-    assert false_discovery(p) == pytest.approx(stats.false_discovery_control(p, method="by"))
 
 
 def test_sensitivities_are_renewed_only_where_a_step_gains_too_little():

@@ -8,7 +8,7 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all
-from coronaryuq.discrepancy.inference.evidence import AllData
+from coronaryuq.discrepancy.inference.evidence import Data
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
 from coronaryuq.discrepancy.selection.answer import ALONE, NAMES, NOTHING, OTHER, REMAINDER, VARYING, answer
 from support.hypotheses import assume
@@ -41,7 +41,7 @@ def weighed(problem, effect=FOUND):
     features *= SCALE / np.abs(problem.y).max()
     flexible = gp_discrepancy.Flexible(features[problem.train], np.zeros(problem.train.sum(), dtype=int))
     problem.__dict__["flexible"] = flexible
-    problem.__dict__["all_data"] = AllData(problem, features)
+    problem.__dict__["all_data"] = Data(problem, features, np.ones(len(problem.y), dtype=bool))
     hypothesis = assume(effect)
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
     return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [PRIOR], POSSIBLE)

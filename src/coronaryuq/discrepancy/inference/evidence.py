@@ -1,4 +1,4 @@
-"""Evidence of all data: of a model that is right within its own error, and of the model with something else missing.
+"""Evidence of data: of a model that is right within its own error, and of the model with something else missing.
 
 Two things are not known in it, and are averaged over: the noise of the waveforms, of which the scatter leaves several
 plausible, and where something else shows. It may be of one amplitude, as a fraction of each series' size, in all data,
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.special import logsumexp
+from scipy.special import log_softmax, logsumexp
 
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
@@ -45,8 +45,8 @@ class PossibleNoise:
     shapes: np.ndarray
 
 
-class AllData:
-    """The data of a problem under each noise and amplitude, shared by all its models.
+class Data:
+    """Some rows of a problem's data under each noise and amplitude, shared by all its models.
 
     Parameters
     ----------
@@ -54,27 +54,30 @@ class AllData:
         With `noises`.
     features
         Of the flexible discrepancy, see `gp_discrepancy.features`: (N, k).
+    chosen
+        Rows, M of them: (N,), bool.
     """
 
-    def __init__(self, problem: "Problem", features: np.ndarray):
+    def __init__(self, problem: "Problem", features: np.ndarray, chosen: np.ndarray):
         series, forward = problem.forward.measured, problem.forward
-        blocks = gp_discrepancy.blocks(problem)
+        blocks = np.where(chosen, gp_discrepancy.blocks(problem), -1)
+        place = np.cumsum(chosen) - 1
         quantities = np.array([one.quantity for one in series])[problem.owner]
         stated = PossibleNoise(0.0, np.zeros(len(problem.y)), forward.noise_shapes)
         self.names = list(dict.fromkeys(str(name) for name in quantities))
         noises = {name: problem.noises.get(name, (stated,)) for name in self.names}
-        axes = np.ix_(*(_normalised([one.log_prior for one in noises[name]]) for name in self.names))
+        axes = np.ix_(*(log_softmax([one.log_prior for one in noises[name]]) for name in self.names))
         self.log_priors = np.asarray(sum(axes))
         """Of every combination of the quantities' noises."""
         self.others = [k for k, nuisance in enumerate(forward.nuisances) if nuisance.noise]
         """Columns of a model's sensitivities that are weights of the problem's own noise."""
         self.blocks = []
-        for number in np.unique(blocks):
+        for number in np.unique(blocks[chosen]):
             rows = np.flatnonzero(blocks == number)
             name = str(quantities[rows[0]])
             seen = [_Seen.under(noise, rows, problem.sd[rows], features[rows]) for noise in noises[name]]
-            self.blocks.append((name, rows, seen))
-        several = np.array([one.value.size > 1 for one in series])[problem.owner]
+            self.blocks.append((name, place[rows], seen))
+        several = np.array([one.value.size > 1 for one in series])[problem.owner][chosen]
         shown = np.array([several[rows].any() for _, rows, _ in self.blocks])
         quantities = np.array([[name == one for name, *_ in self.blocks] for one in self.names], dtype=bool) & shown
         everywhere = np.ones((1, len(shown)), dtype=bool)
@@ -87,7 +90,7 @@ class AllData:
         Parameters
         ----------
         at_zero, jacobian
-            Residual (N,) at z = 0 and sensitivities (N, p), whitened by the problem's own noise.
+            Residual (M,) at z = 0 and sensitivities (M, p), whitened by the problem's own noise.
         lacking
             Nats by which the evidence is lower than that of the linear model.
 
@@ -135,7 +138,7 @@ class _Seen:
 
 
 class Evidence:
-    """Log evidence of all data for one model, averaged over the noises, up to the constant of `gauss_newton`.
+    """Log evidence of data for one model, averaged over the noises, up to the constant of `gauss_newton`.
 
     Parameters
     ----------
@@ -145,25 +148,37 @@ class Evidence:
         Of each block: inner products (noises, T, m, m) of sensitivities and, last, residual, and log determinants
         (noises, T) of the covariance.
     lacking
-        See `AllData.evidence`.
+        See `Data.evidence`.
     """
 
-    def __init__(self, data: AllData, products: list[np.ndarray], determinants: list[np.ndarray], lacking: float):
+    def __init__(self, data: Data, products: list[np.ndarray], determinants: list[np.ndarray], lacking: float):
         self._data, self._products, self._determinants, self._lacking = data, products, determinants, lacking
 
     @cached_property
     def right(self) -> float:
         """Of the model as right, within its own error."""
-        return self._averaged([np.ones(len(self._products), dtype=bool)], RIGHT)
+        return float(logsumexp(self._right))
+
+    @cached_property
+    def _right(self) -> np.ndarray:
+        """The same under every combination of the quantities' noises, with its prior."""
+        return self._by_noise([np.ones(len(self._products), dtype=bool)], RIGHT)
+
+    @property
+    def noises(self) -> dict[str, int]:
+        """Number of the most probable noise of each quantity, if the model is right."""
+        axes = range(self._right.ndim)
+        by_quantity = [logsumexp(self._right, axis=tuple(k for k in axes if k != own)) for own in axes]
+        return {name: int(np.argmax(own)) for name, own in zip(self._data.names, by_quantity, strict=True)}
 
     @cached_property
     def unknown(self) -> float:
         """Of the model together with something else."""
-        forms = [self._averaged(where, UNKNOWN) for where in self._data.where if len(where)]
+        forms = [float(logsumexp(self._by_noise(where, UNKNOWN))) for where in self._data.where if len(where)]
         return float(logsumexp(forms)) - np.log(len(forms))
 
-    def _averaged(self, where: Sequence[np.ndarray], prior: np.ndarray) -> float:
-        """Return the evidence with an amplitude in some blocks, and none in the others.
+    def _by_noise(self, where: Sequence[np.ndarray], prior: np.ndarray) -> np.ndarray:
+        """Return the evidence with an amplitude in some blocks, none in the others, of every combination of noises.
 
         where: these blocks (blocks,), of each of several equally likely places; prior: log prior of amplitudes (T,).
         """
@@ -176,8 +191,8 @@ class Evidence:
                 for parts in (self._products, self._determinants)
             ]
             evidence = _log_evidence(*(none + change for none, change in zip(self._undisturbed, changes, strict=True)))
-            found.append(logsumexp(evidence + prior[possible] + self._data.log_priors[..., None]))
-        return float(logsumexp(found)) - np.log(len(found)) - self._lacking
+            found.append(logsumexp(evidence + prior[possible], axis=-1) + self._data.log_priors)
+        return np.asarray(logsumexp(found, axis=0) - np.log(len(found)) - self._lacking)
 
     @cached_property
     def _undisturbed(self) -> list[np.ndarray]:
@@ -204,7 +219,3 @@ def _log_evidence(products: np.ndarray, determinants: np.ndarray) -> np.ndarray:
     prior[-1, -1] = 0.0
     pivots = np.diagonal(np.linalg.cholesky(products + prior), axis1=-2, axis2=-1)
     return -0.5 * (2.0 * np.log(pivots[..., :-1]).sum(axis=-1) + determinants + pivots[..., -1] ** 2)
-
-
-def _normalised(log_weights: list[float]) -> np.ndarray:
-    return np.array(log_weights) - logsumexp(log_weights)

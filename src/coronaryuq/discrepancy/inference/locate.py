@@ -1,5 +1,6 @@
 """Location of disagreements: whitened residuals by vessel, quantity, phase and condition, and conflicts with priors."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +20,11 @@ BINS = 4
 
 @dataclass(frozen=True)
 class Disagreement:
-    """One tested group of measurements. mean: average residual (CGS); p, q: p-value, false-discovery-adjusted."""
+    """One tested group of measurements.
+
+    mean: average residual (CGS); p, q: p-value, and adjusted for the false discovery rate (Benjamini & Yekutieli 2001,
+    for any dependence).
+    """
 
     location: str
     quantity: str
@@ -59,9 +64,9 @@ class Located:
         """Return whether the global test is significant at a level."""
         return self.p < level
 
-    def with_test(self, name: str, p: float) -> "Located":
-        """Add a test to the global one: the smallest p-value times the number of tests."""
-        tests = {**self.tests, name: min(1.0, float(p))}
+    def with_tests(self, more: Mapping[str, float]) -> "Located":
+        """Add tests that it does not have to the global one: the smallest p-value times the number of tests."""
+        tests = {**{name: min(1.0, float(p)) for name, p in more.items()}, **self.tests}
         return replace(self, p=min(1.0, len(tests) * min(tests.values())), tests=tests)
 
 
@@ -113,7 +118,7 @@ def _groups(problem: Problem, fit: Fit, score: np.ndarray) -> list[Disagreement]
     variance = np.einsum("ij,ij->j", matrix, fit.projection(matrix))
     z = (matrix.T @ score) / np.sqrt(np.maximum(variance, 1e-300))
     p = 2.0 * stats.norm.sf(np.abs(z))
-    q = false_discovery(p)
+    q = stats.false_discovery_control(p, method="by")
     scores = zip(z.tolist(), p.tolist(), q.tolist(), strict=True)
     groups = [Disagreement(*group, *score) for group, score in zip(tested, scores, strict=True)]
     return sorted(groups, key=lambda group: -abs(group.score))
@@ -133,15 +138,3 @@ def _parts(problem: Problem, series: Measured, own: np.ndarray, phase: np.ndarra
         return [(vessel, None, own[vessels == vessel]) for vessel in dict.fromkeys(vessels.tolist())]
     bounds = [(part / BINS, (part + 1) / BINS) for part in range(BINS)]
     return [(series.location, (a, b), own[(phase >= a) & (phase < b)]) for a, b in bounds]
-
-
-def false_discovery(p: np.ndarray) -> np.ndarray:
-    """Return p-values adjusted for the false discovery rate (Benjamini & Yekutieli 2001, for any dependence)."""
-    p = np.asarray(p, dtype=float)
-    m = p.size
-    order = np.argsort(p)
-    harmonic = np.sum(1.0 / np.arange(1, m + 1))
-    adjusted = p[order] * m * harmonic / np.arange(1, m + 1)
-    q = np.empty(m)
-    q[order] = np.minimum(1.0, np.minimum.accumulate(adjusted[::-1])[::-1])
-    return q

@@ -68,24 +68,14 @@ class Estimate:
     noise: Noise | None
     alternatives: tuple[Alternative, ...]
 
+    def chosen(self, number: int) -> "Estimate":
+        """Return the estimate with one of the alternatives as the most probable noise; the first is the stated one."""
+        return Estimate(self.alternatives[number].noise if number else None, self.alternatives)
+
     @property
     def scale(self) -> float:
         """Of the most probable noise."""
         return 1.0 if self.noise is None else self.noise.scale
-
-
-def noise_text(noise: dict[str, Noise]) -> str:
-    """Return the noise of several quantities in words."""
-    parts = []
-    for quantity, entry in noise.items():
-        correlated = f", correlated over {entry.correlation_time:.2g} s" if entry.correlation_time else ""
-        parts.append(f"{quantity} {entry.scale:.2f} times{correlated}")
-    return "; ".join(parts)
-
-
-def estimated_noise(problem: Problem, residual: np.ndarray) -> dict[str, Noise]:
-    """Return the most probable noise of each quantity, see `noise_estimates` and `most_probable`."""
-    return most_probable(noise_estimates(problem, residual))
 
 
 def most_probable(estimates: dict[str, Estimate]) -> dict[str, Noise]:
@@ -93,13 +83,14 @@ def most_probable(estimates: dict[str, Estimate]) -> dict[str, Noise]:
     return {quantity: estimate.noise for quantity, estimate in estimates.items() if estimate.noise is not None}
 
 
-def smaller(estimates: dict[str, Estimate], known: dict[str, Estimate]) -> dict[str, Estimate]:
-    """Return those of quantities whose scale is less than the known one by more than `SAME_SCALE`, or is not known."""
-    return {
-        quantity: estimate
-        for quantity, estimate in estimates.items()
-        if quantity not in known or estimate.scale * (1.0 + SAME_SCALE) < known[quantity].scale
-    }
+def differing(estimates: dict[str, Estimate], known: dict[str, Estimate], right: bool) -> dict[str, Estimate]:
+    """Return those of quantities whose scale differs from the known one by more than `SAME_SCALE`.
+
+    right: whether they are those about a right model; if something is missing from it, only a smaller scale counts.
+    """
+    larger = {quantity: estimate.scale / known[quantity].scale for quantity, estimate in estimates.items()}
+    least = 1.0 + SAME_SCALE
+    return {name: estimates[name] for name, by in larger.items() if by < 1.0 / least or (right and by > least)}
 
 
 def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimate]:

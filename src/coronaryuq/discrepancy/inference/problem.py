@@ -13,7 +13,7 @@ from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.forward.unresolved import changed_by_instruments
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
-from coronaryuq.discrepancy.inference.evidence import AllData, PossibleNoise
+from coronaryuq.discrepancy.inference.evidence import Data, PossibleNoise
 from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
 from coronaryuq.discrepancy.inference.pullback_errors import independent_sd
@@ -86,9 +86,14 @@ class Problem:
         return gp_discrepancy.flexible(self, np.ones(len(self.y), dtype=bool))
 
     @cached_property
-    def all_data(self) -> AllData:
+    def all_data(self) -> Data:
         """All data under each noise that they may have."""
-        return AllData(self, gp_discrepancy.features(self))
+        return Data(self, gp_discrepancy.features(self), np.ones(len(self.y), dtype=bool))
+
+    @cached_property
+    def fitted_data(self) -> Data:
+        """The fitted data under each noise that they may have."""
+        return Data(self, gp_discrepancy.features(self), self.train)
 
     @property
     def unresolved(self) -> bool:

@@ -1,23 +1,42 @@
 """Noise as the data show it: about the model alone, and again about the effects that are found with that noise."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
-from coronaryuq.discrepancy.inference.noise import Estimate, Noise, noise_estimates, noise_text, smaller
+from coronaryuq.discrepancy.inference.noise import Estimate, differing, most_probable, noise_estimates
 from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.inference.read_problem import with_noise
+from coronaryuq.discrepancy.inference.read_problem import possible_noises, with_noise
 from coronaryuq.discrepancy.selection.refit import exact
 
 
-def with_observed_noise(
-    problem: Problem, hypothesis: Hypothesis, fit: Fit, noise: dict[str, Noise], report: Callable[[str], None]
-) -> tuple[Problem, list[Outlier]]:
-    """Return the problem with a noise of its waveforms, and without the outliers about a fit.
+@dataclass(frozen=True)
+class Observed:
+    """Noise about a fit of the problem with the stated noise.
+
+    Attributes
+    ----------
+    estimates
+        By quantity.
+    outliers
+        Samples that are left out.
+    right
+        Whether the model of the fit is probably right; then the noise is the most probable by the evidence of the
+        fitted data, else that of the scatter, on which a missing effect has less influence.
+    """
+
+    estimates: dict[str, Estimate]
+    outliers: list[Outlier]
+    right: bool
+
+
+def observe(problem: Problem, hypothesis: Hypothesis, fit: Fit) -> Observed:
+    """Return the noise of the waveforms about a fit of some effects.
 
     Parameters
     ----------
@@ -25,53 +44,86 @@ def with_observed_noise(
         The problem with the stated noise.
     hypothesis, fit
         Effects, and their fit.
-    noise
-        Quantity → noise of its waveforms; others have the stated one.
+
+    Returns
+    -------
+    Observed
+        The noise.
+    """
+    estimates = noise_estimates(problem, fit.residual)
+    (residual,) = problem.whitened([(fit.z, hypothesis)])
+    scales = [estimates[s.quantity].scale if s.quantity in estimates else 1.0 for s in problem.forward.measured]
+    outliers = find_outliers(problem, np.nan_to_num(residual) / np.array(scales)[problem.owner])
+    stated = {quantity: replace(estimate, noise=None) for quantity, estimate in estimates.items()}
+    data = with_noise(problem, {}, outliers) if outliers else problem
+    data = replace(data, noises=possible_noises(data, stated, outliers))
+    evidence = data.fitted_data.evidence(fit.at_zero, fit.jacobian)
+    right = evidence.right + np.log(RULE.prior_none) > evidence.unknown + np.log(RULE.prior_outside)
+    if right:
+        shown = {series.quantity for series in problem.forward.measured if series.statistic == "waveform"}
+        estimates |= {quantity: estimates[quantity].chosen(evidence.noises[quantity]) for quantity in shown}
+    return Observed(estimates, outliers, right)
+
+
+def with_observed_noise(problem: Problem, observed: Observed, report: Callable[[str], None]) -> Problem:
+    """Return the problem with the observed noise of its waveforms, and without the outliers.
+
+    Parameters
+    ----------
+    problem
+        The problem with the stated noise.
+    observed
+        The noise.
     report
         Called with a line of text if anything changes.
 
     Returns
     -------
-    problem, outliers
-        The new problem, and the samples left out.
+    Problem
+        The new problem.
     """
+    noise, outliers = most_probable(observed.estimates), observed.outliers
     if noise:
-        report(f"waveform noise differs from the stated standard deviations ({noise_text(noise)})")
-    (residual,) = problem.whitened([(fit.z, hypothesis)])
-    scale = np.array([noise[s.quantity].scale if s.quantity in noise else 1.0 for s in problem.forward.measured])
-    outliers = find_outliers(problem, np.nan_to_num(residual) / scale[problem.owner])
+        each = [f"{name} {one.scale:.2f} times, lasting {one.correlation_time:.2g} s" for name, one in noise.items()]
+        report(f"waveform noise differs from the stated standard deviations ({'; '.join(each)})")
     if outliers:
         report(f"{len(outliers)} samples are outliers, and are left out")
-    return (with_noise(problem, noise, outliers) if noise or outliers else problem), outliers
+    known = with_noise(problem, noise, outliers) if noise or outliers else problem
+    return replace(known, noises=possible_noises(problem, observed.estimates, outliers))
 
 
-class SmallerNoise(Exception):
-    """About some effects the noise is smaller than the one with which they were found; fit: under the stated noise."""
+class OtherNoise(Exception):
+    """About some effects the noise is another than the one with which they were found."""
 
-    def __init__(self, hypothesis: Hypothesis, fit: Fit):
-        super().__init__("the noise about the effects found is smaller")
-        self.hypothesis, self.fit = hypothesis, fit
+    def __init__(self, hypothesis: Hypothesis, observed: Observed):
+        super().__init__("the noise about the effects found is another")
+        self.hypothesis, self.observed = hypothesis, observed
 
 
-@dataclass(frozen=True)
-class NoiseWatch:
-    """Noise of a search, compared with that about the effects that it finds.
+def watch(problem: Problem, known: Observed, found: Problem, hypothesis: Hypothesis, fit: Fit) -> None:
+    """Compare the noise of a search with that about effects that it found, which had counted as noise before.
 
-    problem: with the stated noise; estimates: quantity → noise of the search.
+    Parameters
+    ----------
+    problem
+        The problem with the stated noise.
+    known
+        Noise of the search.
+    found, hypothesis, fit
+        The problem with that noise, the effects, and their fit.
+
+    Raises
+    ------
+    OtherNoise
+        If the noise is smaller, or larger although the model is right with these effects. About a wrong effect, it may
+        look larger.
     """
-
-    problem: Problem
-    estimates: dict[str, Estimate]
-
-    def __call__(self, found: Problem, hypothesis: Hypothesis, fit: Fit) -> None:
-        """Raise `SmallerNoise` if that about the effects of a fit to the problem `found` is smaller.
-
-        What an effect explains had counted as noise. About a wrong effect, noise may look larger.
-        """
-        # The weights of shapes, which differ between the problems, start at zero.
-        physical = {n.name: z for n, z in zip(found.forward.nuisances, fit.z, strict=False) if n.shape is None}
-        nuisances = [physical.get(nuisance.name, 0.0) for nuisance in self.problem.forward.nuisances]
-        start = np.concatenate([nuisances, fit.z[found.count :]])
-        refit = exact(self.problem, hypothesis, start)
-        if refit is not None and smaller(noise_estimates(self.problem, refit.residual), self.estimates):
-            raise SmallerNoise(hypothesis, refit)
+    # The weights of shapes, which differ between the problems, start at zero.
+    physical = {n.name: z for n, z in zip(found.forward.nuisances, fit.z, strict=False) if n.shape is None}
+    nuisances = [physical.get(nuisance.name, 0.0) for nuisance in problem.forward.nuisances]
+    refit = exact(problem, hypothesis, np.concatenate([nuisances, fit.z[found.count :]]))
+    if refit is not None:
+        now = observe(problem, hypothesis, refit)
+        others = differing(now.estimates, known.estimates, now.right)
+        if others:
+            raise OtherNoise(hypothesis, replace(now, estimates=known.estimates | others))

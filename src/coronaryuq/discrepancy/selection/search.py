@@ -26,9 +26,8 @@ from coronaryuq.discrepancy.inference.cross_validation import (
 )
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
-from coronaryuq.discrepancy.inference.noise import Estimate, most_probable, noise_estimates, smaller
+from coronaryuq.discrepancy.inference.noise import most_probable
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.inference.read_problem import possible_noises
 from coronaryuq.discrepancy.selection.answer import ALONE, OTHER, answer, beyond, without_effects
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import (
@@ -41,7 +40,7 @@ from coronaryuq.discrepancy.selection.candidates import (
 from coronaryuq.discrepancy.selection.confirmation import confirm
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.forward_step import forward_step
-from coronaryuq.discrepancy.selection.observed_noise import NoiseWatch, SmallerNoise, with_observed_noise
+from coronaryuq.discrepancy.selection.observed_noise import OtherNoise, observe, watch, with_observed_noise
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
 from coronaryuq.discrepancy.selection.unknown_source import UnknownSource, unknown_source
@@ -57,7 +56,7 @@ CONFOUNDER = "drive_gain"
 NOISE_ESTIMATES = 3
 """Maximum number of estimates of the noise: about the model alone, then about the effects found with the last one."""
 Watch = Callable[[Problem, Hypothesis, Fit], None]
-"""Called with the effects found so far, and their fit; raises `SmallerNoise` to end a search."""
+"""Called with the effects found so far, and their fit; raises `OtherNoise` to end a search."""
 LARGEST_LOG = 500.0
 """Log Bayes factor beyond which its size does not matter; its exponential is finite."""
 
@@ -65,9 +64,8 @@ LARGEST_LOG = 500.0
 def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: Report = lambda line: None) -> Discovery:
     """Search for the effects that a model is missing.
 
-    The noise of the waveforms is estimated before the search, from what no effect of the cycle's length can explain. It
-    is estimated again about each effect found, whose sharp features had looked like noise; if it is smaller, the search
-    begins again.
+    The noise of the waveforms is estimated before the search, and again about each effect found, whose sharp features
+    had looked like noise; if it is another, the search begins again.
 
     Parameters
     ----------
@@ -94,21 +92,17 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
     if problem.settings.noise == "stated":
         return search_without_confounder(_search, problem, seed, library, report)
     report("recalibrating, to see the noise")
-    estimates: dict[str, Estimate] = {}
-    hypothesis, fit = PLAIN, problem.calibrate(PLAIN)
+    observed = observe(problem, PLAIN, problem.calibrate(PLAIN))
     for last in (*(False,) * (NOISE_ESTIMATES - 1), True):
-        estimates = estimates | smaller(noise_estimates(problem, fit.residual), estimates)
-        noise = most_probable(estimates)
-        known, outliers = with_observed_noise(problem, hypothesis, fit, noise, report)
-        known = replace(known, noises=possible_noises(problem, estimates, outliers))
-        search = _search if last else partial(_search, watch=NoiseWatch(problem, estimates))
+        known = with_observed_noise(problem, observed, report)
+        search = _search if last else partial(_search, watch=partial(watch, problem, observed))
         try:
             found = search_without_confounder(search, known, seed, library, report)
             break
-        except SmallerNoise as other:
-            hypothesis, fit = other.hypothesis, other.fit
-            report(f"given {_listed(hypothesis)}, the noise is smaller: searching again with it")
-    return replace(found, measured=measured, noise=noise, outliers=outliers)
+        except OtherNoise as other:
+            observed = other.observed
+            report(f"given {_listed(other.hypothesis)}, the noise is another: searching again with it")
+    return replace(found, measured=measured, noise=most_probable(observed.estimates), outliers=observed.outliers)
 
 
 def search_without_confounder(
@@ -277,7 +271,8 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
             break
     if state.hypothesis:
         state = state.converged()
-        state = replace(state, remaining=_located_again(state.problem, state.fit, state.remaining))
+        # The tests of the candidates, which a converged fit does not repeat, are kept.
+        state = replace(state, remaining=locate(state.problem, state.fit).with_tests(state.remaining.tests))
     return state
 
 
@@ -308,15 +303,6 @@ def _held_out(base_problem: Problem, base: Fit, state: _State, folds: Folds, see
     models = (recalibrated, repaired, flexible, both)
     gaps = Gaps(*(gap(state.problem, model, folds, seed) for model in models))
     return gaps, predictive_p(state.problem, repaired, folds)
-
-
-def _located_again(problem: Problem, fit: Fit, before: Located) -> Located:
-    """Locate disagreements of a converged fit, keeping the tests of the candidates."""
-    located = locate(problem, fit)
-    for name, p in before.tests.items():
-        if name not in located.tests:
-            located = located.with_test(name, p)
-    return located
 
 
 def _progress(state: _State) -> str:
@@ -359,15 +345,14 @@ def assess(
     known = {c.placed: c.response for c in earlier}
     candidates = [replace(c, response=known.get(c.placed)) for c in all_candidates(problem, hypothesis, library)]
     candidates = screen(problem, fit, hypothesis, candidates)
-    located = locate(problem, fit)
-    for name, p_values in (
-        ("best candidate", [c.p_value for c in candidates]),
-        ("best candidate of varying size", [c.p_varying for c in candidates]),
-    ):
-        located = located.with_test(name, min(p_values, default=1.0) * max(len(candidates), 1))
+    p_values = {
+        "best candidate": [c.p_value for c in candidates],
+        "best candidate of varying size": [c.p_varying for c in candidates],
+    }
+    located = locate(problem, fit).with_tests({name: min(p, default=1.0) * len(p) for name, p in p_values.items()})
     if not located.alarm(problem.settings.alarm_level):
         evidence_p = evidence_p_value(problem, fit, hypothesis, candidates)
-        located = located.with_test("likeliest candidates, fitted", evidence_p)
+        located = located.with_tests({"likeliest candidates, fitted": evidence_p})
     return located, candidates
 
 

@@ -13,10 +13,9 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import locate
-from coronaryuq.discrepancy.inference.noise import estimated_noise
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate, all_candidates
-from coronaryuq.discrepancy.selection.observed_noise import with_observed_noise
+from coronaryuq.discrepancy.selection.observed_noise import observe, with_observed_noise
 from coronaryuq.discrepancy.selection.refit import fit_shortlist
 from coronaryuq.discrepancy.selection.score_test import screen
 from coronaryuq.discrepancy.selection.search import recalibrate
@@ -148,7 +147,7 @@ def look(folder: Path, threads: int = 1) -> Seen:
     """
     problem = read_case(folder, threads)
     fit = problem.calibrate(PLAIN)
-    problem, _ = with_observed_noise(problem, PLAIN, fit, estimated_noise(problem, fit.residual), lambda line: None)
+    problem = with_observed_noise(problem, observe(problem, PLAIN, fit), lambda line: None)
     return Seen(*recalibrate(problem))
 
 
