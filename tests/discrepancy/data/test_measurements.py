@@ -75,7 +75,10 @@ def test_a_ratio_must_be_a_mean(error_of):
     [
         (lambda t: t.assign(time=1000.0 * t.time), "give one beat with times in s"),
         (lambda t: t.astype({"value": object}).replace({"value": {t.value[7]: "12,5"}}), "line 9: value"),
-        (lambda t: t.drop(columns="sd"), "sd: column missing"),
+        (
+            lambda t: t.drop(columns="sd"),
+            "sd: column missing; the file has condition, quantity, location, statistic, time, value, unit\n",
+        ),
         (lambda t: t.assign(sd=-t.sd), "line 2: sd"),
         (lambda t: t.replace("hyperaemia", "hyperemia"), "not in the conditions file; known: rest, hyperaemia"),
         (lambda t: t.replace("mean", "average"), "statistic"),

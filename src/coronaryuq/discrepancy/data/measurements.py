@@ -151,12 +151,12 @@ def read_table(path: str | Path) -> pd.DataFrame:
     duplicates = [name for name in (*COLUMNS, *PULLBACK_COLUMNS) if list(frame.columns).count(name) > 1]
     if duplicates:
         raise InputError(path, duplicates[0], None, "duplicate column; keep one")
+    for column in COLUMNS:
+        if column != "time" and column not in frame.columns:
+            raise InputError(path, column, None, f"column missing; the file has {', '.join(frame.columns)}")
     for column in ("time", *PULLBACK_COLUMNS):
         if column not in frame.columns:
             frame[column] = np.nan
-    for column in COLUMNS:
-        if column not in frame.columns:
-            raise InputError(path, column, None, f"column missing; the file has {', '.join(frame.columns)}")
     frame = frame[[*COLUMNS, *PULLBACK_COLUMNS]].dropna(how="all")
     if frame.empty:
         raise InputError(path, None, None, "contains no measurements")
