@@ -66,7 +66,7 @@ class Located:
 
     def with_tests(self, more: Mapping[str, float]) -> "Located":
         """Add tests that it does not have to the global one: the smallest p-value times the number of tests."""
-        tests = {**{name: min(1.0, float(p)) for name, p in more.items()}, **self.tests}
+        tests = {**self.tests, **{name: min(1.0, float(p)) for name, p in more.items() if name not in self.tests}}
         return replace(self, p=min(1.0, len(tests) * min(tests.values())), tests=tests)
 
 

@@ -29,8 +29,8 @@ AS_STATED, OTHER, CORRELATED = 0.6, 0.2, 0.2
 OF_VALUES = {1.0: AS_STATED, 1.5: 0.24, 2.25: 0.16}
 """Possible scales of the noise of a quantity without waveforms, whose values have no scatter that would show one, and
 their prior probabilities, those of larger scales as for waveforms."""
-SAME_SCALE = 0.1
-"""Relative decrease of a scale up to which it is the same: posterior standard deviations decrease by no more."""
+SAME_SCALE = 1.1
+"""Ratio of two scales up to which they are the same: posterior standard deviations differ by no more."""
 LARGER_BY, SMALLER_BY = 1.0, 0.1
 """Prior means of the size of the log of a scale above and below 1 (Laplace): noise is understated rather than
 overstated, and beyond the first harmonics a smaller scale looks like a longer correlation."""
@@ -89,8 +89,7 @@ def differing(estimates: dict[str, Estimate], known: dict[str, Estimate], right:
     right: whether they are those about a right model; if something is missing from it, only a smaller scale counts.
     """
     larger = {quantity: estimate.scale / known[quantity].scale for quantity, estimate in estimates.items()}
-    least = 1.0 + SAME_SCALE
-    return {name: estimates[name] for name, by in larger.items() if by < 1.0 / least or (right and by > least)}
+    return {name: estimates[name] for name, by in larger.items() if by * SAME_SCALE < 1.0 or right and by > SAME_SCALE}
 
 
 def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimate]:

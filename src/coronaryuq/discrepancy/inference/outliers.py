@@ -1,5 +1,6 @@
 """Outliers: single samples of waveforms that deviate from the line between their neighbours, most likely artefacts."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,12 @@ class Outlier:
         """Return whether the sample is one of a waveform."""
         same = (self.quantity, self.location, self.condition) == (series.quantity, series.location, series.condition)
         return same and series.statistic == "waveform"
+
+
+def samples_of(outliers: Sequence[Outlier], measured: Sequence[Measured]) -> np.ndarray:
+    """Return which samples of all series are outliers: (N,), bool."""
+    of_series = [(one, [outlier.time for outlier in outliers if outlier.of(one)]) for one in measured]
+    return np.concatenate([np.isin(one.value if one.time is None else one.time, times) for one, times in of_series])
 
 
 def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:

@@ -21,7 +21,7 @@ from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.evidence import PossibleNoise
 from coronaryuq.discrepancy.inference.known_errors import known_errors
 from coronaryuq.discrepancy.inference.noise import Estimate, Noise, white_and_correlated
-from coronaryuq.discrepancy.inference.outliers import Outlier
+from coronaryuq.discrepancy.inference.outliers import Outlier, samples_of
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.pullback_errors import pullback_errors
 from coronaryuq.discrepancy.settings import Settings
@@ -293,10 +293,7 @@ def possible_noises(
 
 
 def _without(series: Measured, outliers: Sequence[Outlier]) -> Measured:
-    own = [one.time for one in outliers if one.of(series)]
-    if not own or series.time is None:
-        return series
-    return replace(series, sd=np.where(np.isin(series.time, own), OUT_OF_USE * series.sd, series.sd))
+    return replace(series, sd=np.where(samples_of(outliers, [series]), OUT_OF_USE * series.sd, series.sd))
 
 
 def make_problem(

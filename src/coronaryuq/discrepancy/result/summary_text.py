@@ -140,8 +140,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "
             f"not have (probability of the name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}); "
             f"to a flexible error {'it adds' if one else 'they add'} {max(forms['support_nats'], 0.0):.0f} nats of "
-            "evidence. "
-            f"{capitalised(_shape_text(gaps))} {change}"
+            f"evidence. {capitalised(_shape_text(gaps))} {change}"
         )
     return f"{start}: {reason}"
 

@@ -7,9 +7,11 @@ import numpy as np
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
+from coronaryuq.discrepancy.inference.evidence import Data
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.gp_discrepancy import features
 from coronaryuq.discrepancy.inference.noise import Estimate, differing, most_probable, noise_estimates
-from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers
+from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers, samples_of
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import possible_noises, with_noise
 from coronaryuq.discrepancy.selection.refit import exact
@@ -55,9 +57,10 @@ def observe(problem: Problem, hypothesis: Hypothesis, fit: Fit) -> Observed:
     scales = [estimates[s.quantity].scale if s.quantity in estimates else 1.0 for s in problem.forward.measured]
     outliers = find_outliers(problem, np.nan_to_num(residual) / np.array(scales)[problem.owner])
     stated = {quantity: replace(estimate, noise=None) for quantity, estimate in estimates.items()}
-    data = with_noise(problem, {}, outliers) if outliers else problem
-    data = replace(data, noises=possible_noises(data, stated, outliers))
-    evidence = data.fitted_data.evidence(fit.at_zero, fit.jacobian)
+    possible = replace(problem, noises=possible_noises(problem, stated, []))
+    used = problem.train & ~samples_of(outliers, problem.forward.measured)
+    data, rows = Data(possible, features(problem), used), used[problem.train]
+    evidence = data.evidence(fit.at_zero[rows], fit.jacobian[rows])
     right = evidence.right + np.log(RULE.prior_none) > evidence.unknown + np.log(RULE.prior_outside)
     if right:
         shown = {series.quantity for series in problem.forward.measured if series.statistic == "waveform"}

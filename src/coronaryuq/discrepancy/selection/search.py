@@ -88,7 +88,6 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
     FloatingPointError
         If the model without any effect does not run under every condition.
     """
-    measured = problem.forward.measured
     if problem.settings.noise == "stated":
         return search_without_confounder(_search, problem, seed, library, report)
     report("recalibrating, to see the noise")
@@ -102,7 +101,8 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
         except OtherNoise as other:
             observed = other.observed
             report(f"given {_listed(other.hypothesis)}, the noise is another: searching again with it")
-    return replace(found, measured=measured, noise=most_probable(observed.estimates), outliers=observed.outliers)
+    noise, measured = most_probable(observed.estimates), problem.forward.measured
+    return replace(found, measured=measured, noise=noise, outliers=observed.outliers)
 
 
 def search_without_confounder(
