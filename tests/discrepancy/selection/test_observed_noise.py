@@ -14,8 +14,7 @@ from coronaryuq.discrepancy.selection.observed_noise import observe
 
 @pytest.mark.slow
 def test_outliers_do_not_hide_that_a_model_is_right(tmp_path):
-    """Noise 1.43 times as large as stated, with a correlation of 0.5; ten samples of flows lie 15 standard deviations
-    off."""
+    """Noise is 1.43 times as large as stated, with a correlation of 0.5; ten samples lie 15 standard deviations off."""
     case = Case((), "none", "violated", 69000)
     hide(case, open_loop(), tmp_path, case.nature(NATURE))
     table = pd.read_csv(tmp_path / "measurements.csv")

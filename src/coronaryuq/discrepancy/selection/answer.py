@@ -93,7 +93,10 @@ class Answer:
 
 
 def without_effects(plain: Evidence) -> tuple[float, float]:
-    """Return the log weights of nothing, and of something else alone, by the evidence of the model without effects."""
+    """Return the log weights of nothing, and of something else alone, by the evidence of the model without effects.
+
+    About effects that were found, the odds of something else besides are the same.
+    """
     return float(np.log(RULE.prior_none)) + plain.right, float(np.log(RULE.prior_outside)) + plain.unknown
 
 

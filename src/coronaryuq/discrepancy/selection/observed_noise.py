@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.evidence import Data
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
@@ -14,6 +13,7 @@ from coronaryuq.discrepancy.inference.noise import Estimate, differing, most_pro
 from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers, samples_of
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import possible_noises, with_noise
+from coronaryuq.discrepancy.selection.answer import without_effects
 from coronaryuq.discrepancy.selection.refit import exact
 
 
@@ -61,11 +61,11 @@ def observe(problem: Problem, hypothesis: Hypothesis, fit: Fit) -> Observed:
     used = problem.train & ~samples_of(outliers, problem.forward.measured)
     data, rows = Data(possible, features(problem), used), used[problem.train]
     evidence = data.evidence(fit.at_zero[rows], fit.jacobian[rows])
-    right = evidence.right + np.log(RULE.prior_none) > evidence.unknown + np.log(RULE.prior_outside)
-    if right:
+    nothing, something = without_effects(evidence)
+    if nothing > something:
         shown = {series.quantity for series in problem.forward.measured if series.statistic == "waveform"}
         estimates |= {quantity: estimates[quantity].chosen(evidence.noises[quantity]) for quantity in shown}
-    return Observed(estimates, outliers, right)
+    return Observed(estimates, outliers, nothing > something)
 
 
 def with_observed_noise(problem: Problem, observed: Observed, report: Callable[[str], None]) -> Problem:
@@ -87,7 +87,7 @@ def with_observed_noise(problem: Problem, observed: Observed, report: Callable[[
     """
     noise, outliers = most_probable(observed.estimates), observed.outliers
     if noise:
-        each = [f"{name} {one.scale:.2f} times, lasting {one.correlation_time:.2g} s" for name, one in noise.items()]
+        each = [f"{of} {n.scale:.2f} times, correlated over {n.correlation_time:.2g} s" for of, n in noise.items()]
         report(f"waveform noise differs from the stated standard deviations ({'; '.join(each)})")
     if outliers:
         report(f"{len(outliers)} samples are outliers, and are left out")
