@@ -46,6 +46,17 @@ def test_every_probability_is_in_one_bin(stated):
     assert sum(row["trials"] for row in reliability([LEAK | {"probability": p} for p in stated])) == len(stated)
 
 
+def test_cases_are_weighted_to_a_mixture_of_truths():
+    """Nine right answers of nothing, one wrong name outside: in equal shares half are right, with the weight of few."""
+    (row,) = reliability([NOTHING | {"probability": 0.99}] * 9 + [OUTSIDE])
+    assert (row["share"], row["trials"]) == (0.9, 10)
+    assert row["open_world"]["share"] == pytest.approx(0.5)
+    # Kish: (9 / 18 + 1 / 2)^2 over 9 / 18^2 + 1 / 4.
+    assert row["open_world"]["trials"] == pytest.approx(3.6)
+    (even,) = reliability([NOTHING | {"probability": 0.99}, LEAK, OUTSIDE])
+    assert even["open_world"] == {key: pytest.approx(even[key]) for key in even["open_world"]}
+
+
 def test_answers_without_a_probability_are_left_out():
     assert reliability([NOTHING, ABSTAINED]) == [] and brier([NOTHING])["trials"] == 0
     assert brier([WRONG, NOTHING]) == {"score": pytest.approx(0.99**2), "se": None, "trials": 1}

@@ -9,6 +9,9 @@ from coronaryuq.bench.discrepancy.tables import in_order, is_pair, names_somethi
 
 BINS = (0.0, 0.5, 0.8, 0.9, 0.97, 1.0)
 """Edges of the five bins of stated probabilities; most are near 1."""
+OPEN_WORLD = {"nothing": 1 / 3, "an effect of the library": 1 / 3, "outside the library": 1 / 3}
+"""Shares of the truths in a mixture by which probabilities are compared with frequencies, too: what a search meets is
+not known, and of the benchmark's cases most hide nothing."""
 CONFIDENT = 0.9
 """Stated probability from which a wrong name is counted."""
 
@@ -40,16 +43,30 @@ def reliability(cases: Sequence[dict]) -> list[dict]:
     """Compare stated probabilities with frequencies: a row per bin with cases.
 
     Answers without a stated probability are left out. from, to: edges, the upper one included. stated: mean stated
-    probability. share, low, high, trials: right answers with their Wilson interval.
+    probability. share, low, high, trials: right answers with their Wilson interval. open_world: the same, in which the
+    cases are weighted to the mixture `OPEN_WORLD`; its trials are effective ones (Kish 1965).
     """
     stating = _stating(cases)
+    truths = [_truth(case) for case in stating]
+    weights = np.array([OPEN_WORLD[truth] / truths.count(truth) for truth in truths])
+    stated = np.array([case["probability"] for case in stating], dtype=float)
+    correct = np.array([right(case) for case in stating], dtype=float)
     rows = []
     for lower, upper in zip(BINS, BINS[1:], strict=False):
-        mine = [case for case in stating if lower < case["probability"] <= upper or case["probability"] == lower == 0.0]
-        if mine:
-            stated = float(np.mean([case["probability"] for case in mine]))
-            rows.append({"from": lower, "to": upper, "stated": stated, **wilson(sum(map(right, mine)), len(mine))})
+        mine = (lower < stated) & (stated <= upper) | ((stated == lower) & (lower == 0.0))
+        if mine.any():
+            own = weights[mine] / weights[mine].sum()
+            effective = float(1.0 / (own**2).sum())
+            row = {"from": lower, "to": upper, "stated": float(stated[mine].mean())}
+            row |= wilson(int(correct[mine].sum()), int(mine.sum()))
+            mixed = {"stated": float(own @ stated[mine]), **wilson(float(own @ correct[mine]) * effective, effective)}
+            rows.append(row | {"open_world": mixed})
     return rows
+
+
+def _truth(case: dict) -> str:
+    hidden = kind(case)
+    return hidden if hidden in OPEN_WORLD else "an effect of the library"
 
 
 def brier(cases: Sequence[dict]) -> dict:
@@ -159,9 +176,19 @@ def markdown(cases: Sequence[dict]) -> str:
         "searched",
     )
     parts = [_table(head, kinds)]
-    rows = [(f"{r['from']:g} to {r['to']:g}", f"{r['stated']:.3f}", *_share(r)) for r in reliability(searched)]
+    rows = [
+        (
+            f"{r['from']:g} to {r['to']:g}",
+            f"{r['stated']:.3f}",
+            *_share(r),
+            *(f"{r['open_world'][key]:.3f}" for key in ("stated", "share")),
+            _share(r["open_world"])[1],
+        )
+        for r in reliability(searched)
+    ]
     if rows:
-        parts.append(_table(("stated probability", "mean", "right", "95 % interval"), rows))
+        head = ("stated probability", "mean", "right", "95 % interval")
+        parts.append(_table((*head, "mean, mixture", "right, mixture", "95 % interval, mixture"), rows))
     score, wrong = brier(searched), confidently_wrong(searched)
     if score["trials"]:
         error = "" if score["se"] is None else f" ± {score['se']:.3f}"

@@ -61,3 +61,21 @@ def test_paired_difference_of_right_answers():
     assert (found["only_ours"], found["only_theirs"]) == (10, 2) and found["difference"] == pytest.approx(8 / 50)
     error = 1.96 * np.sqrt((10.5 + 2.5 - 8.0**2 / 52) / 52**2)
     assert (found["low"], found["high"]) == pytest.approx((8 / 52 - error, 8 / 52 + error))
+
+
+def test_differences_weighted_to_the_proportions_of_other_cases():
+    """A group of which the sample has a third counts as its half of all cases; alike groups count as one."""
+    hidden = [(HIDDEN, "flow_gain", [[GAIN]], True)] * 20 + [(PLAIN, "none", [], False)] * 40
+    rows = []
+    for seed, (truth, name, answer, alarmed) in enumerate(hidden):
+        for method in (OURS, "x"):
+            wrong = method == "x" and name == "flow_gain" and seed % 2 == 0
+            rows.append(entry(truth, [] if wrong else answer, alarmed, name, seed=seed) | {"method": method})
+    every = [entry(HIDDEN)] * 5 + [entry(PLAIN, name="none")] * 5
+    (found,), (plain,) = ahead(rows, every), ahead(rows)
+    assert (plain["difference"], found["difference"]) == (pytest.approx(10 / 60), pytest.approx(0.5 * 10 / 20))
+    assert (found["only_ours"], found["only_theirs"]) == (10, 0)
+    half = found["high"] - found["low"], plain["high"] - plain["low"]
+    assert half[0] > half[1] and found["low"] < found["difference"] < found["high"]
+    (same,) = ahead([row for row in rows if row["effect"] == "none"], every)
+    assert same["difference"] == 0.0

@@ -154,30 +154,45 @@ def outcomes(cases: Sequence[dict]) -> list[dict]:
     return compared(side_by_side(cases)).to_dict("records") if cases else []
 
 
-def ahead(rows: Sequence[dict]) -> list[dict]:
-    """Return by how much the share of right answers of our search exceeds each rival's, over all cases.
+def ahead(rows: Sequence[dict], every: Sequence[dict] = ()) -> list[dict]:
+    """Return by how much the share of right answers of our search exceeds each rival's.
 
-    low, high: 95 % interval of the difference of paired shares (Agresti & Min, Statist. Med. 24 (2005) 729: half a
-    pair added to each of the four outcomes).
+    Parameters
+    ----------
+    rows
+        Entries of `side_by_side`, ours included.
+    every
+        Cases in whose proportions of groups the differences are weighted; without them, all rows count the same.
+
+    Returns
+    -------
+    list of dict
+        method, difference, only_ours and only_theirs (cases that only one has right), and low and high: 95 % interval
+        of the difference of paired shares (Agresti & Min, Statist. Med. 24 (2005) 729: half a pair added to each of the
+        four outcomes; here of each group, see Cochran, Sampling Techniques, 3rd ed. (1977), ch. 5, if weighted).
     """
-    by_method: dict[str, list[bool]] = {}
+    by_method: dict[str, list[dict]] = {}
     for row in rows:
-        by_method.setdefault(row["method"], []).append(right(row))
-    ours, found = np.array(by_method[OURS]), []
+        by_method.setdefault(row["method"], []).append(row)
+    ours = by_method.pop(OURS)
+    groups = np.array([group(row) if every else EVERY for row in ours])
+    shares = {name: sum(group(case) == name for case in every) for name in np.unique(groups)} if every else {EVERY: 1}
+    total, correct, found = sum(shares.values()), np.array([right(row) for row in ours]), []
     for method, others in by_method.items():
-        if method != OURS:
-            only_ours, only_theirs = int((ours & ~np.array(others)).sum()), int((~ours & np.array(others)).sum())
-            count = len(ours) + 2.0
-            first, second = (only_ours + 0.5) / count, (only_theirs + 0.5) / count
-            error = 1.96 * np.sqrt((first + second - (first - second) ** 2) / count)
-            found.append(
-                {
-                    "method": method,
-                    "difference": (only_ours - only_theirs) / len(ours),
-                    "low": float(first - second - error),
-                    "high": float(first - second + error),
-                    "only_ours": only_ours,
-                    "only_theirs": only_theirs,
-                }
-            )
+        theirs = np.array([right(row) for row in others])
+        difference = centre = variance = 0.0
+        for name, share in shares.items():
+            mine, weight = groups == name, share / total
+            counts = [int((mine & correct & ~theirs).sum()), int((mine & ~correct & theirs).sum())]
+            first, second = (np.array(counts) + 0.5) / (mine.sum() + 2.0)
+            difference += weight * (counts[0] - counts[1]) / mine.sum()
+            centre += weight * (first - second)
+            variance += weight**2 * (first + second - (first - second) ** 2) / (mine.sum() + 2.0)
+        error = 1.96 * np.sqrt(variance)
+        bounds = {"low": float(centre - error), "high": float(centre + error)}
+        alone = int((correct & ~theirs).sum()), int((~correct & theirs).sum())
+        found.append(
+            {"method": method, "difference": float(difference), **bounds}
+            | dict(zip(("only_ours", "only_theirs"), alone, strict=True))
+        )
     return found

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from coronaryuq.bench.discrepancy.rivals.compare import LEVEL, OURS, ahead, compared, group
 from coronaryuq.bench.discrepancy.tables import right
 
@@ -15,7 +17,7 @@ TESTS = "exact tests with false-discovery control"
 INSIDE, OUTSIDE, VIOLATED = "one effect", "outside the library", "nothing, priors violated"
 
 
-def findings(rows: Sequence[dict], cases: Sequence[dict]) -> list[str]:
+def findings(rows: Sequence[dict], cases: Sequence[dict], recorded: Sequence[dict]) -> list[str]:
     """Return the list of what the comparison shows, in Markdown.
 
     Parameters
@@ -24,6 +26,8 @@ def findings(rows: Sequence[dict], cases: Sequence[dict]) -> list[str]:
         Entries of `side_by_side`, ours included.
     cases
         Entries of `rival_trial`, for the courses of the methods.
+    recorded
+        All cases, in whose proportions the lead is weighted.
     """
     table = compared(rows).set_index(["group", "method"])
 
@@ -33,10 +37,12 @@ def findings(rows: Sequence[dict], cases: Sequence[dict]) -> list[str]:
     def each(name: str, methods: Sequence[str], column: str = "right") -> str:
         return _listed([str(count(name, method, column)) for method in methods])
 
-    every, without = ahead(rows), ahead([row for row in rows if row["effect"] != ECHO])
+    every, plain = ahead(rows, recorded), ahead(rows)
+    known = [[row for row in part if row["effect"] != ECHO] for part in (rows, recorded)]
     best = min(every, key=lambda entry: entry["difference"])
-    rest = next(entry for entry in without if entry["method"] == best["method"])
+    rest, unweighted = (next(e for e in one if e["method"] == best["method"]) for one in (ahead(*known), plain))
     echoes = sum(row["effect"] == ECHO and row["method"] == OURS for row in rows)
+    violated = [np.mean([case["noise"] == "violated" for case in part]) for part in (rows, recorded)]
     others = [PROCESS, CLASSIFIER]
     trails = {method: _by_level(cases, method) for method in (SELECTION, REGRESSION, TESTS)}
     at_level = _listed([str(found[LEVEL]) for found in trails.values()])
@@ -45,11 +51,13 @@ def findings(rows: Sequence[dict], cases: Sequence[dict]) -> list[str]:
     elsewhere = f"and in more at one of ten levels {_listed(more)}" if more else "and in no more at any of ten levels"
     significant = "significant" if rest["low"] > 0.0 else "not significant"
     return [
-        f"- **The lead.** Over all cases the search is right {_points(best['difference'])} points more often than the "
-        f"best other method, {best['method']} (95 % interval {_points(best['low'])} to {_points(best['high'])}); 20 "
-        f"points were wanted. {echoes} cases are the line echo, for which the unlisted response of a device was added; "
-        f"without them it is {_points(rest['difference'])} points ({_points(rest['low'])} to "
-        f"{_points(rest['high'])}), {significant}.",
+        f"- **The lead.** In the proportions of all recorded cases of the open loop the search is right "
+        f"{_points(best['difference'])} points more often than the best other method, {best['method']} (95 % interval "
+        f"{_points(best['low'])} to {_points(best['high'])}); 20 points were wanted. Over the cases of this table, of "
+        f"which {_points(violated[0])} % violate the priors ({_points(violated[1])} % of all), it is "
+        f"{_points(unweighted['difference'])} points. {echoes} cases are the line echo, for which the unlisted "
+        f"response of a device was added; without them the weighted lead is {_points(rest['difference'])} points "
+        f"({_points(rest['low'])} to {_points(rest['high'])}), {significant}.",
         f"- **In the library** the search is right in {count(INSIDE, OURS)} of {count(INSIDE, OURS, 'cases')}, "
         f"selection and tests in {each(INSIDE, (SELECTION, TESTS))}, regression, process and classifier in "
         f"{each(INSIDE, (REGRESSION, *others))}.",
