@@ -45,6 +45,7 @@ def discovery(
         answer=Answer(
             probabilities={NAMES: probability, NOTHING: 0.0, OTHER: 1.0 - probability},
             forms={ALONE: 1.0 - probability},
+            shown={("", ""): 1.0},
             device="",
             log_evidence=evidence + log_prior,
             support=0.0,

@@ -96,9 +96,7 @@ class DecisionRule:
         2, "times", "Maximum number of continuations of a search after effects were not confirmed."
     )
     implausible: float = _threshold(
-        4.0,
-        "prior sd",
-        "Size beyond which an effect is not named; its probability is that of something else.",
+        4.0, "prior sd", "Size beyond which an effect is not named; its probability is that of something else."
     )
     prior_bound: float = _threshold(
         2.5758293035489004, "prior sd", "Bound of the central 99 % of a prior, beyond which a size is reported."

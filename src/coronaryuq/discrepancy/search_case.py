@@ -31,12 +31,7 @@ def search(
 # The matrices are small: linear-algebra threads would only slow it down, and rounding would depend on their number.
 @threadpool_limits.wrap(limits=1)
 def search_case(
-    model: str | Path,
-    measurements: str | Path,
-    conditions: str | Path,
-    out: Path,
-    settings: Settings,
-    seed: int,
+    model: str | Path, measurements: str | Path, conditions: str | Path, out: Path, settings: Settings, seed: int
 ) -> dict:
     """Search one case with progress on standard error, write the results and return the summary.
 

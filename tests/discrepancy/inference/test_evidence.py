@@ -8,6 +8,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
+from coronaryuq.bench.discrepancy import recordings_outside
 from coronaryuq.bench.discrepancy.benchmark import NATURE
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
@@ -106,6 +107,9 @@ def test_the_evidence_is_the_mean_of_the_densities_of_the_data(problem, noises):
         return float(logsumexp([logsumexp(form) - np.log(len(form)) for form in forms]) - np.log(3.0))
 
     assert found.unknown == pytest.approx(averaged(problem, noises, anywhere) + constant - 2.5, abs=1e-7)
+    assert len(found.shown) == 1 + len(quantities) + len(places)
+    only = averaged(problem, noises, lambda pair: in_rows(1.0 * places[1], UNKNOWN, pair)) - np.log(3.0 * len(places))
+    assert found.shown["pressure", PLACES[1][1]] == pytest.approx(only + constant - 2.5, abs=1e-7)
 
 
 def test_without_other_noises_a_right_model_has_the_evidence_of_its_posterior(problem):
@@ -156,6 +160,12 @@ def test_an_effect_is_named_where_noise_lasts_longer_than_it_seems(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", ["channel_crosstalk", "quantised_recording"])
-def test_something_else_at_one_place_is_seen_among_the_undisturbed(tmp_path, effect):
+def test_something_else_at_one_place_is_seen_there_among_the_undisturbed(tmp_path, monkeypatch, effect):
+    drawn = []
+    one_of = recordings_outside.one_of
+    monkeypatch.setattr(recordings_outside, "one_of", lambda *given: drawn.append(one_of(*given)) or drawn[-1])
     hide(Case((), "medium", "nominal", 5000, effect), open_loop(), tmp_path, NATURE)
-    assert analyse(tmp_path).answer.probabilities[OTHER] > 0.95
+    answer = analyse(tmp_path).answer
+    assert answer.probabilities[OTHER] > 0.95
+    shown = max(answer.shown, key=lambda where: answer.shown[where])
+    assert shown in drawn and answer.shown[shown] > 0.95

@@ -1,7 +1,7 @@
 """The paragraph of a search says what its answer is."""
 
 from coronaryuq.discrepancy.result import summary_text
-from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, UNLISTED
+from coronaryuq.discrepancy.selection.answer import ALONE, NAMES, NOTHING, OTHER, UNLISTED
 
 
 def told(form):
@@ -24,6 +24,23 @@ def test_the_device_of_an_unlisted_response_is_told():
         "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
         "of a shape that the library does not list, is likelier. No effect is named. "
     )
+
+
+def test_one_place_where_something_else_shows_is_told_and_no_flow_offered_for_an_error_of_a_pressure():
+    source = {"vessel": "lad", "nodes": [{"vessel": "lad", "nats": 12.0}], "laws": {"free": 0.9}, "law": "free"}
+    source |= {"says": "constant"}
+    places = [{"quantity": "", "location": "", "probability": 0.02}]
+    places.append({"quantity": "pressure", "location": "a:b", "probability": 0.97})
+    form = {"leading_form": ALONE, "shows_in": places}
+    said = " It shows in the pressure at a:b alone (probability 0.97): check that measurement first."
+    assert summary_text._shown(form, source) == said
+    places[1]["quantity"] = "flow"
+    said = summary_text._shown(form, source)
+    assert "the flow at a:b alone (probability 0.97): an error of that measurement, or a flow that no" in said
+    assert "one at the end of lad explains most (12 nats)" in said
+    places[1]["probability"] = 0.4
+    assert summary_text._shown(form, source) == summary_text._source(source) != ""
+    assert summary_text._shown(form | {"leading_form": UNLISTED}, None) == ""
 
 
 def agreeing(alarm):

@@ -98,10 +98,7 @@ class Forward:
         return self.predict_rows([(row, hypothesis) for row in np.atleast_2d(z)])
 
     def predict_rows(
-        self,
-        rows: list[Row],
-        conditions: Collection[str] | None = None,
-        grafts: Sequence[PlacedEffect] = (),
+        self, rows: list[Row], conditions: Collection[str] | None = None, grafts: Sequence[PlacedEffect] = ()
     ) -> np.ndarray:
         """Return predictions with different effects in every row.
 

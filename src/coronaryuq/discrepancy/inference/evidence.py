@@ -62,9 +62,8 @@ class Data:
         series, forward = problem.forward.measured, problem.forward
         blocks = np.where(chosen, gp_discrepancy.blocks(problem), -1)
         place = np.cumsum(chosen) - 1
-        quantities = np.array([one.quantity for one in series])[problem.owner]
         stated = PossibleNoise(0.0, np.zeros(len(problem.y)), forward.noise_shapes)
-        self.names = list(dict.fromkeys(str(name) for name in quantities))
+        self.names = list(dict.fromkeys(one.quantity for one in series))
         noises = {name: problem.noises.get(name, (stated,)) for name in self.names}
         axes = np.ix_(*(log_softmax([one.log_prior for one in noises[name]]) for name in self.names))
         self.log_priors = np.asarray(sum(axes))
@@ -72,17 +71,18 @@ class Data:
         self.others = [k for k, nuisance in enumerate(forward.nuisances) if nuisance.noise]
         """Columns of a model's sensitivities that are weights of the problem's own noise."""
         self.blocks = []
-        for number in np.unique(blocks[chosen]):
+        where: list[dict[tuple[str, str], list[int]]] = [{}, {}, {}]
+        for order, number in enumerate(np.unique(blocks[chosen])):
             rows = np.flatnonzero(blocks == number)
-            name = str(quantities[rows[0]])
+            own = [series[owner] for owner in np.unique(problem.owner[rows])]
+            name, location = own[0].quantity, own[0].location
             seen = [_Seen.under(noise, rows, problem.sd[rows], features[rows]) for noise in noises[name]]
             self.blocks.append((name, place[rows], seen))
-        several = np.array([one.value.size > 1 for one in series])[problem.owner][chosen]
-        shown = np.array([several[rows].any() for _, rows, _ in self.blocks])
-        quantities = np.array([[name == one for name, *_ in self.blocks] for one in self.names], dtype=bool) & shown
-        everywhere = np.ones((1, len(shown)), dtype=bool)
-        self.where = [everywhere, quantities[quantities.any(axis=1)], np.eye(len(shown), dtype=bool)[shown]]
-        """Blocks (n, blocks) in which something else may be: all of them, those of one quantity, or one."""
+            several = any(one.value.size > 1 for one in own)
+            for form, shows in zip(where, [("", "")] + [(name, ""), (name, location)] * several, strict=False):
+                form.setdefault(shows, []).append(order)
+        self.where = [form for form in where if form]
+        """Blocks in which something else may be, by quantity and place: all, those of one quantity, or one."""
 
     def evidence(self, at_zero: np.ndarray, jacobian: np.ndarray, lacking: float = 0.0) -> "Evidence":
         """Weigh a linear model.
@@ -162,7 +162,7 @@ class Evidence:
     @cached_property
     def _right(self) -> np.ndarray:
         """The same under every combination of the quantities' noises, with its prior."""
-        return self._by_noise([np.ones(len(self._products), dtype=bool)], RIGHT)
+        return self._by_noise(range(len(self._products)), RIGHT)
 
     @property
     def noises(self) -> dict[str, int]:
@@ -171,28 +171,33 @@ class Evidence:
         by_quantity = [logsumexp(self._right, axis=tuple(k for k in axes if k != own)) for own in axes]
         return {name: int(np.argmax(own)) for name, own in zip(self._data.names, by_quantity, strict=True)}
 
-    @cached_property
+    @property
     def unknown(self) -> float:
         """Of the model together with something else."""
-        forms = [float(logsumexp(self._by_noise(where, UNKNOWN))) for where in self._data.where if len(where)]
-        return float(logsumexp(forms)) - np.log(len(forms))
+        return float(logsumexp(list(self.shown.values())))
 
-    def _by_noise(self, where: Sequence[np.ndarray], prior: np.ndarray) -> np.ndarray:
+    @cached_property
+    def shown(self) -> dict[tuple[str, str], float]:
+        """Of the model together with something else that shows in this quantity at this place, times its prior."""
+        forms = self._data.where
+        return {
+            where: float(logsumexp(self._by_noise(numbers, UNKNOWN))) - np.log(len(forms) * len(form))
+            for form in forms
+            for where, numbers in form.items()
+        }
+
+    def _by_noise(self, numbers: Sequence[int], prior: np.ndarray) -> np.ndarray:
         """Return the evidence with an amplitude in some blocks, none in the others, of every combination of noises.
 
-        where: these blocks (blocks,), of each of several equally likely places; prior: log prior of amplitudes (T,).
+        prior: log prior of amplitudes (T,).
         """
         possible = np.flatnonzero(np.isfinite(prior))
-        found = []
-        for inside in where:
-            inner = np.flatnonzero(inside).tolist()
-            changes = [
-                self._summed(inner, [parts[number][:, possible] - parts[number][:, :1] for number in inner])
-                for parts in (self._products, self._determinants)
-            ]
-            evidence = _log_evidence(*(none + change for none, change in zip(self._undisturbed, changes, strict=True)))
-            found.append(logsumexp(evidence + prior[possible], axis=-1) + self._data.log_priors)
-        return np.asarray(logsumexp(found, axis=0) - np.log(len(found)) - self._lacking)
+        changes = [
+            self._summed(numbers, [parts[number][:, possible] - parts[number][:, :1] for number in numbers])
+            for parts in (self._products, self._determinants)
+        ]
+        evidence = _log_evidence(*(none + change for none, change in zip(self._undisturbed, changes, strict=True)))
+        return np.asarray(logsumexp(evidence + prior[possible], axis=-1) + self._data.log_priors - self._lacking)
 
     @cached_property
     def _undisturbed(self) -> list[np.ndarray]:

@@ -100,11 +100,7 @@ class Flexible:
     """
 
     def __init__(
-        self,
-        features: np.ndarray,
-        blocks: np.ndarray,
-        columns: Sequence[int] = (),
-        shapes: np.ndarray | None = None,
+        self, features: np.ndarray, blocks: np.ndarray, columns: Sequence[int] = (), shapes: np.ndarray | None = None
     ):
         self.columns = np.array(columns, dtype=int)
         self.shapes = np.zeros((len(features), 0)) if shapes is None else shapes

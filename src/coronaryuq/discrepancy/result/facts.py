@@ -40,6 +40,7 @@ def facts(discovery: Discovery) -> dict:
             "probabilities": answer.probabilities,
             "forms_of_something_else": answer.forms,
             "leading_form": answer.leading_form,
+            "shows_in": [{"quantity": q, "location": at, "probability": p} for (q, at), p in answer.shown.items()],
             "device": answer.device,
             "support_nats": answer.support,
         },

@@ -85,7 +85,7 @@ def paragraph(answer: Mapping) -> str:
             "stated standard deviations. Check the stated standard deviations; no effect is named."
         )
     if answer["outside_library"]:
-        return text + _outside_library(answer, held_out) + _source(answer["unknown_source"])
+        return text + _outside_library(answer, held_out) + _shown(facts["answer"], answer["unknown_source"])
     for number, effect in enumerate(answer["named"]):
         text += "The best explanation is " if number == 0 else "A further effect is "
         text += _named_effect(effect, facts["best"])
@@ -143,6 +143,18 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"evidence. {capitalised(_shape_text(gaps))} {change}"
         )
     return f"{start}: {reason}"
+
+
+def _shown(forms: Mapping, source: Mapping | None) -> str:
+    """State at which place alone something else shows, if that is probable, and where an unknown flow may be."""
+    likeliest = max(forms["shows_in"], key=lambda one: one["probability"])
+    quantity, place, probability = (likeliest[key] for key in ("quantity", "location", "probability"))
+    if forms["leading_form"] in (VARYING, REROUTED, UNLISTED) or not place or probability < 0.5:
+        return _source(source)
+    alone = f" It shows in the {quantity} at {place} alone (probability {probability:.2f}): "
+    if quantity == "flow":
+        return f"{alone}an error of that measurement, or a flow that no other one sees.{_source(source)}"
+    return f"{alone}check that measurement first."
 
 
 def _source(found: Mapping | None) -> str:

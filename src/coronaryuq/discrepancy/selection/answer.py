@@ -53,6 +53,9 @@ class Answer:
         Of `NOTHING`, `NAMES` and `OTHER`; they add up to 1.
     forms
         Probabilities of the forms of something else, which add up to that of `OTHER`.
+    shown
+        Quantity and place (empty: every one) of the data in which something else shows → probability, if it is of the
+        form `ALONE` or `REMAINDER`; they add up to 1.
     device
         What the device reads whose unlisted response is likeliest; empty where no error of a device was found.
     log_evidence
@@ -69,6 +72,7 @@ class Answer:
 
     probabilities: dict[str, float]
     forms: dict[str, float]
+    shown: dict[tuple[str, str], float]
     device: str
     log_evidence: float
     support: float
@@ -131,13 +135,14 @@ def answer(
     implausible = beyond(fit, hypothesis, RULE.implausible)
     constancies = constancy(problem, fit, hypothesis)
     nothing, alone = without_effects(plain)
-    named, device, other = -np.inf, "", {ALONE: alone}
+    named, device, other, seen = -np.inf, "", {ALONE: alone}, plain
     if hypothesis:
         model, lacking = linearise(problem, fit.z, hypothesis), fit.unreached
         prior = log_prior_of_errors(problem, hypothesis, log_priors, possible)
         found = problem.all_data.evidence(model.at_zero, model.jacobian, lacking)
         right = prior + found.right
         other[REMAINDER] = prior + OUTSIDE + found.unknown
+        seen = found if other[REMAINDER] > alone else plain
         other[VARYING] = right + OUTSIDE + VARIES + float(logsumexp([entry.log_odds for entry in constancies]))
         other[REROUTED] = right + redistribution(problem, fit, hypothesis, log_priors, len(possible))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
@@ -154,7 +159,8 @@ def answer(
     forms = dict(zip(other, shares[2:], strict=True))
     probabilities = {NOTHING: shares[0], NAMES: shares[1], OTHER: min(sum(shares[2:]), 1.0)}
     best, support = (right, found.unknown - plain.unknown) if hypothesis else (nothing, 0.0)
-    return Answer(probabilities, forms, device, float(best), support, wiring, implausible, constancies)
+    shown = dict(zip(seen.shown, softmax(list(seen.shown.values())).tolist(), strict=True))
+    return Answer(probabilities, forms, shown, device, float(best), support, wiring, implausible, constancies)
 
 
 def beyond(fit: Fit, hypothesis: Hypothesis, bound: float) -> list[PlacedEffect]:

@@ -34,11 +34,7 @@ def share_of_responses(possible: Sequence[Effect]) -> float:
 
 
 def unlisted_responses(
-    problem: Problem,
-    model: Linear,
-    hypothesis: Hypothesis,
-    log_priors: Sequence[float],
-    possible: Sequence[Effect],
+    problem: Problem, model: Linear, hypothesis: Hypothesis, log_priors: Sequence[float], possible: Sequence[Effect]
 ) -> dict[str, float]:
     """Return the log weight of an unlisted response of each device, in place of the effects of `Chain` found there.
 
