@@ -78,7 +78,7 @@ def hyperaemic(path, out):
     return out
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_prediction_with_the_adopted_effect_holds_the_truth(patient):
     folder, ffr, at = patient
     flow = np.array([at["flow", f"J0:{name}"] for name in BEDS])

@@ -9,7 +9,7 @@ from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.svzerodsolver import program
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.skipif(program.installed() is None, reason="needs svZeroDSolver")
 def test_a_tree_of_200_outlets_agrees_with_svzerodsolver():
     network = open_tree(200)
@@ -23,7 +23,7 @@ def test_a_tree_of_200_outlets_agrees_with_svzerodsolver():
         assert np.abs(ours - theirs).max() < 1e-9 * np.abs(theirs).max()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_set_up_and_memory_grow_with_the_outlets():
     small, large = run(outlets=[50, 500])["trees"]
     assert (small["unknowns"], large["unknowns"]) == (446, 4496)

@@ -174,6 +174,7 @@ def test_the_real_network_meets_its_clinical_targets(shared, tmp_path, seed, pre
             assert theirs[name][0] == pytest.approx(fit.simulated[name], rel=1e-3), name
 
 
+@pytest.mark.long
 def test_a_network_of_22_outlets_in_mmhg_is_tuned_and_runs(shared, tmp_path):
     """Briefly: near its pressures and stroke volume, and what is written is periodic."""
     data = shared / "data/closed-loop-22"

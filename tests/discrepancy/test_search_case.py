@@ -71,7 +71,7 @@ def test_overstated_standard_deviations_raise_a_warning(stenosis_case, tmp_path,
     assert "nothing to explain" in message and "check that these are correct and in the unit of the values" in message
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_names_without_a_held_out_condition_are_called_untested(stenosis_case, tmp_path, capsys):
     for name in ("model.json", "measurements.csv"):
         (tmp_path / name).write_text((stenosis_case[0] / name).read_text())
@@ -101,7 +101,7 @@ def test_one_condition_is_searched_without_a_claim_of_held_out_success(stenosis_
     assert answer["held_out"]["scheme"] == "each series in turn"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_size_outside_its_prior_is_named_with_a_doubt(stenosis_case, tmp_path, capsys):
     """A sensor error of four prior standard deviations is named with a doubt, one within its prior without."""
     acting = assume(("pressure_offset", "lad:BC_lad"))

@@ -73,7 +73,9 @@ class Chosen(ResistorTree):
 @pytest.mark.parametrize(
     "settings", [SETTINGS, pytest.param(PLAIN, marks=pytest.mark.long)], ids=["independence", "plain"]
 )
-@pytest.mark.parametrize("known", [False, True], ids=["unit unknown", "unit known"])
+@pytest.mark.parametrize(
+    "known", [pytest.param(False, marks=pytest.mark.long), True], ids=["unit unknown", "unit known"]
+)
 def test_the_probability_of_each_choice_is_that_of_quadrature(tmp_path, settings, known):
     """Prior probability times the evidence of the flows, by quadrature over the multipliers."""
     model, laws = of(Chosen, 2), Laws([CHOICE])
@@ -114,7 +116,9 @@ def moments_by_quadrature(posterior, points):
 @pytest.mark.parametrize(
     "settings", [SETTINGS, pytest.param(PLAIN, marks=pytest.mark.long)], ids=["independence", "plain"]
 )
-@pytest.mark.parametrize("known", [False, True], ids=["unit unknown", "unit known"])
+@pytest.mark.parametrize(
+    "known", [pytest.param(False, marks=pytest.mark.long), True], ids=["unit unknown", "unit known"]
+)
 def test_posterior_of_one_parameter_is_that_of_quadrature(tmp_path, settings, known):
     model, laws = of(Narrowed, 2), Laws(factors(1.0))
     settings = settings.model_copy(update={"scale_targets": not known})
@@ -199,7 +203,7 @@ def test_from_files_to_samples(uncertain, tmp_path):
     assert columns[-3:] == ["width", "offset", "R_cor_scaling"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_chains_with_parameters_made_longer_are_those_made_so_at_once(uncertain, tmp_path):
     settings = SETTINGS.model_copy(update={"independence": IndependenceSettings(draws=25)})
     before = None

@@ -150,6 +150,7 @@ def undisturbed(tmp_path_factory):
     return campaign
 
 
+@pytest.mark.long
 def test_two_campaigns_on_one_folder_and_a_kill(short, tmp_path):
     """The second refuses while the first lives; when the first is killed the second goes on, without `--unlock`."""
     campaign = Campaign(tmp_path, FIRST)

@@ -59,7 +59,7 @@ def test_a_campaign_that_is_killed_ends_its_jobs_and_says_what_it_keeps(folder):
     assert not running(folder / "results" / "mine")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_interrupted_campaign_says_what_it_keeps_and_goes_on(folder):
     process = started(folder, 2, signal.SIG_DFL)
     os.killpg(process.pid, signal.SIGINT)

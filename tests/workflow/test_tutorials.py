@@ -16,6 +16,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.long
 def test_a_simvascular_project_becomes_a_case_and_a_campaign_starts(folder):
     printed = follow("simvascular-project.md", folder)
     assert "5 coronary outlets (4 LV, 1 RV)" in printed and "stenosis LAD: vessel LAD_2" in printed

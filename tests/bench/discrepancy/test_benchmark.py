@@ -64,7 +64,7 @@ def test_an_unrelated_file_is_rejected_and_kept(tmp_path, text):
     assert other.read_bytes() == text.encode("latin-1")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_cases_of_other_code_or_another_network_are_discarded(tmp_path, tried):
     kept = tmp_path / "finished.jsonl"
     run(quick=True, effects=("none",), resume=kept)

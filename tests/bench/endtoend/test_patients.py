@@ -67,6 +67,7 @@ def test_without_noise_the_lumen_and_all_assumptions_are_the_truth():
     assert one.errors.routine.microvascular == RoutineErrors().microvascular > 0
 
 
+@pytest.mark.long
 def test_the_true_lumen_has_the_stated_mean_and_spread_at_a_throat():
     trials = [draw(7, index) for index in range(60)]
     scores = []

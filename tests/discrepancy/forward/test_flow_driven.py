@@ -102,7 +102,7 @@ def test_a_large_compliance_error_is_named(tmp_path):
     assert elements(repaired, "descending")["C"] == pytest.approx(7.5e-4, rel=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_error_of_the_inflow_is_named_and_repaired(tmp_path):
     found = searched(tmp_path, less)
     assert [(one.name, place) for one, place in found.hypothesis] == [("drive_gain", "INFLOW")]

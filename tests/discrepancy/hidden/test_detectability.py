@@ -80,7 +80,7 @@ def test_a_viscosity_change_leaves_less_than_its_first_order_trace(problem):
     assert found < 0.8 * to_first_order(problem, signal), (found, to_first_order(problem, signal))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_change_of_the_time_step_error_is_no_signal():
     """Where a loop oscillates, what recalibration takes up for one standard deviation is not seen as a signal.
 

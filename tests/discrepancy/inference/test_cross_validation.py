@@ -24,7 +24,7 @@ def p_value(random, missing=0.0, folds=FOLDS):
     return predictive_p(PROBLEM, Linear(np.zeros(PARAMETERS), y, jacobian), folds)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_correct_predictions_are_doubted_no_more_often_than_the_level():
     """In 3000 trials the p-value falls below 0.05 in no more than that share, four standard errors allowed."""
     trials, level, random = 3000, 0.05, generator(11, "test", "foretold")

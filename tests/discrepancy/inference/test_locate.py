@@ -30,7 +30,7 @@ def located(random, z, gain=2.0):
     return locate(PROBLEM, Fit(found, y - g @ found, g))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_parameters_drawn_from_their_prior_conflict_at_the_stated_level():
     """In 3000 trials from the prior the p-value falls below 0.05 in no more than that share, four errors allowed."""
     trials, level, random = 3000, 0.05, generator(5, "test", "strain")

@@ -98,7 +98,7 @@ def test_held_out_data_count():
     assert weighed(problem_of(2.0 * RESPONSE * there, held_out=["pacing"])).given == OTHER
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_probabilities_are_frequencies():
     """1,500 truths from the prior: in each fifth of the probability of a name, within four standard errors and 0.02.
 

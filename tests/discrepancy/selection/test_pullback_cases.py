@@ -50,6 +50,7 @@ def test_a_diffuse_loss_is_named_as_one():
     assert answers(Hidden(narrowed="lad_seg1"), Wire(), range(1, 2)) == {"diffuse_narrowing at lad_seg1": 1}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("statistic", ["min", "max"])
 def test_smallest_and_largest_pressures_show_a_stenosis_too(statistic):
     hidden = Hidden(stenosis=5.0)

@@ -140,7 +140,7 @@ def test_an_effect_that_changes_its_sign_is_seen_only_by_the_test_of_a_varying_s
     assert candidate.p_varying < 1e-8 and candidate.z_score < 4.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_test_of_a_varying_size_keeps_its_level():
     """Without the effect p is below 0.05 in that share of 2000 trials, four standard errors allowed."""
     trials, level, random = 2000, 0.05, generator(22, "test", "screening")

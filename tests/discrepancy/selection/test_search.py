@@ -50,7 +50,7 @@ class Many:
         return evidence_p_value(self.problem, self.problem.calibrate(PLAIN), PLAIN, candidates)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_evidence_p_value_is_one_where_nothing_is_missing():
     """It is smaller than p with a probability of p at most, and not always 1."""
     many, random, trials = Many(), generator(4, "test", "evidence"), 1000
@@ -134,7 +134,7 @@ def test_a_first_effect_that_is_likelier_than_none_is_weighed_by_all_data(tmp_pa
     assert found.answer.given == NAMES and found.answer.probabilities[NOTHING] < 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_effects_of_one_formula_are_one_class_however_strong(tmp_path):
     """A loss at the ostium of 139 noise sd is that of a stenosis in the first vessel, which alone was named, at .99."""
     hide(Case(("ostial_loss",), "medium", "nominal", 72001), open_loop(), tmp_path, NATURE)
@@ -143,7 +143,7 @@ def test_effects_of_one_formula_are_one_class_however_strong(tmp_path):
     assert named == {("ostial_loss", "left_main"), ("quadratic_stenosis", "left_main")}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_beds_far_from_their_prior_hide_no_effect(tmp_path):
     """Recalibration moves all beds by three standard deviations; about the prior's mean an offset explains nothing."""
     hide(Case(("flow_offset",), "medium", "nominal", 72006), open_loop(), tmp_path, NATURE)

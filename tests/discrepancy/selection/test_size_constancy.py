@@ -101,7 +101,7 @@ def test_a_drifting_vessel_is_not_named_as_a_narrowing(tmp_path):
     assert "would need a different size under each condition" in text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_narrowing_has_one_size(tmp_path):
     hide(Case(("diffuse_narrowing",), "medium", "nominal", 701), open_loop(), tmp_path)
     found = analyse(tmp_path)

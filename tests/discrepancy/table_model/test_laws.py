@@ -40,7 +40,7 @@ def test_an_offset_common_to_the_outlet_is_estimated_without_bias():
     assert held >= trials * 0.9 - 4.0 * np.sqrt(trials * 0.9 * 0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_interval_of_a_loss_covers_it():
     trials, loss, random = 100, 2.0, generator(1, "test", "pairs, sizes")
     held, of_root = 0, 0

@@ -57,7 +57,7 @@ def test_equal_tables_leave_nothing_to_explain(tmp_path):
     assert not answer["alarm"] and answer["named"] == []
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_effect_is_named_if_no_law_explains_the_pairs(tmp_path):
     """The distal pressure depends on something other than a loss law."""
     exact_pairs(tmp_path, 4.0)
@@ -109,7 +109,7 @@ def test_a_drop_explained_by_recalibration_is_reported_as_such(tmp_path):
     assert "which recalibration explains: it multiplies the model's own loss by 1.3" in answer["paragraph"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_loss_beyond_recalibration_raises_an_alarm(tmp_path):
     """Two and a half times the model's own loss, in the same form."""
     answer = discover_pairs(*noisy_pairs(tmp_path, 7, linear=4.5), tmp_path / "out", 1)
@@ -136,7 +136,7 @@ def test_constant_inputs_leave_the_gaussian_process_the_mean(tmp_path):
     assert flexible.to_numpy() == pytest.approx(measured.ffr_x.mean(), abs=3 * measured.ffr_x.std())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_prescribed_root_pressure_is_no_input_of_the_gaussian_process(tmp_path):
     """A prescribed root pressure is the same in every sample and uninformative."""
     exact_pairs(tmp_path, 4.0)

@@ -103,8 +103,11 @@ def trials(case, count):
     return estimates
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.__name__)
+@pytest.mark.parametrize(
+    "case",
+    [CASES[0], *(pytest.param(case, marks=pytest.mark.long) for case in CASES[1:])],
+    ids=lambda case: case.__name__,
+)
 def test_intervals_cover_and_standard_errors_are_those_of_the_estimates(case):
     count = 150
     found = trials(case, count)

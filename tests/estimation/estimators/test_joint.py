@@ -27,7 +27,7 @@ def trial(number: int):
     return np.array([e.mean for e in estimates]), joint.covariance(estimates), [e.std for e in estimates]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_reported_covariance_is_that_of_repeated_trials():
     means, reported, stds = zip(*(trial(number) for number in range(TRIALS)), strict=True)
     np.testing.assert_allclose([np.diag(c) for c in reported], np.square(stds))

@@ -108,7 +108,7 @@ def test_predictions_that_no_polynomial_explains_carry_a_warning():
     assert shapley.effects(design, ROW, predictions).shapley["theta_0"].warning is None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_intervals_hold_the_error_of_prediction_and_propagation():
     """Runs with noise of a third of the spread and few propagation samples: both parts matter.
 

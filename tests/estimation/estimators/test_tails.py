@@ -35,6 +35,7 @@ def test_probabilities_near_zero_and_one_hold_their_claims(share):
     assert holds_its_level(found, share)
 
 
+@pytest.mark.long
 def test_an_event_that_no_prediction_shows_and_hardly_a_run_is_within_the_interval():
     """In 2 % of the states y falls far below the limit; the control variate knows nothing of it."""
     trials = onset_trials(0.02)

@@ -69,6 +69,7 @@ def test_lanes_with_the_same_nodes_agree_with_shared_geometry():
             assert one.values[name] == pytest.approx(value, rel=1e-8, abs=1e-10)
 
 
+@pytest.mark.long
 def test_a_resumed_block_has_the_same_bits_and_one_of_other_lumens_is_not_resumed(outcomes, tmp_path):
     def stop(block, share):
         if block.cycle == 1:

@@ -153,6 +153,7 @@ def test_its_pictures_are_on_its_own_mesh(here, rows):
     assert np.isfinite(own["mean_velocity"]).all()
 
 
+@pytest.mark.long
 def test_a_stopped_sample_on_its_own_mesh_goes_on_from_its_checkpoint(here, rows, tmp_path):
     def stop(block, share):
         if block.cycle == 1:

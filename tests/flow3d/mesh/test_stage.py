@@ -277,7 +277,7 @@ def test_the_plane_of_ffr_lies_at_the_place_of_the_case(tmp_path, coarse):
     assert plane.distance_from_throat == pytest.approx(stenosis.end + 0.9 - content.regions["LAD"].throat, abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_regions_of_serial_stenoses_do_not_overlap(tmp_path, coarse):
     """The plane of the first one lies before the second one, however many diameters beyond are asked for."""
     x = np.linspace(0.0, 3.4, 171)

@@ -15,7 +15,7 @@ from coronaryuq.flow3d.mesh.stage import mesh_tree
 from coronaryuq.flow3d.settings import Settings
 from coronaryuq.zerod.network.beds import HYPERAEMIA
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 COARSE = {
     "throat_resolution": 2.0, "jet_resolution": 1.5, "resolution": 1.5, "core_resolution": 0.0, "wall_grading": 0.0,

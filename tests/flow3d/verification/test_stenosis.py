@@ -15,7 +15,7 @@ def test_reference_is_exact_for_poiseuille_flow():
     assert flow.wall_shear[5] == pytest.approx(4 * BLOOD_VISCOSITY / (np.pi * RADIUS**3), rel=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_pressure_drop_converges_to_the_reference():
     coarse, fine = (row["drop_error"][0] for row in stenosis((3, 5), (0.4,), levels=72, cells=8))
     assert abs(fine) < 0.04

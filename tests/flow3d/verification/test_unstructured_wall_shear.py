@@ -6,7 +6,7 @@ import pytest
 from coronaryuq.bench.flow3d import unstructured
 from coronaryuq.flow3d.fem.lanes import LANES
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 FLOW = np.linspace(0.5, 2.0, LANES)
 FACETS = 0.25
@@ -35,7 +35,6 @@ def test_wall_shear_of_a_straight_tube_converges_with_second_order(tubes):
         assert (np.log2(tubes[2.0][name] / tubes[4.0][name]) > 1.7).all()
 
 
-@pytest.mark.long
 def test_the_default_mesh_of_a_stenosis_agrees_with_the_axisymmetric_reference():
     flows = (0.8, 1.6)
     exact = unstructured.reference(flows)

@@ -68,7 +68,7 @@ def chain_draws(space, generations=8000, thin=20):
     return space.multipliers(np.concatenate(draws[dream.burn_in :: thin]))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_conditioned_chains_sample_it_and_rescaled_ones_do_not(brute_force):
     """The paper's rescaling after acceptance against the conditioned prior, flat likelihood."""
     weights, reference = brute_force

@@ -68,7 +68,7 @@ def test_twisted_target(twist, generations):
     assert_moments(normal, np.zeros(5), np.eye(5))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bimodal_target_keeps_the_weights():
     """Modes at -4 and 4 in every coordinate with weights 1/3 and 2/3; jump rate 1 leaps between them."""
     d, chains = 5, 24
