@@ -121,6 +121,27 @@ def test_a_trigger_delay_shifts_all_waveforms_of_its_place():
     assert trigger.places(None, flows) == ["every flow"]
 
 
+@given(st.integers(1, 6), st.floats(0.0, 0.12))
+def test_a_harmonic_averaged_over_beats_fades_as_its_characteristic_function(harmonic, spread):
+    """E cos(2 pi m p (1 + s b)) = cos(2 pi m p) exp(-(2 pi m p s)^2 / 2), for a normal b."""
+    phase = np.arange(1200) / 1200
+    averaged = read(
+        "beat_averaging", "every waveform", np.cos(2 * np.pi * harmonic * phase), "flow", period_spread=spread
+    )
+    fading = np.exp(-0.5 * (2 * np.pi * harmonic * phase * spread) ** 2)
+    assert averaged == pytest.approx(np.cos(2 * np.pi * harmonic * phase) * fading, abs=2e-3)
+
+
+def test_an_average_of_beats_is_one_of_all_waveforms_or_of_all_of_one_quantity():
+    average, sizes = effect("beat_averaging"), {"period_spread": np.array([0.05])}
+    flows = [series("flow", place) for place in ("a:b", "b:c")]
+    assert average.places(None, [*flows, series()]) == ["every waveform", "every flow"]
+    wave = beat(TIME)[None, :]
+    for one in (series("flow", statistic="mean"), series()):
+        assert average.read("every flow", sizes, one, wave, None, None) is wave
+    assert average.read("every flow", sizes, flows[1], wave, None, None)[0, 0] == pytest.approx(wave[0, 0])
+
+
 def test_a_catheter_is_reported_by_its_frequency():
     found = effect("catheter_resonance").physical("a:b", {"natural_period": 0.1, "damping": 0.2}, None)
     assert found == {"natural frequency, Hz": pytest.approx(10.0), "damping ratio": 0.2}

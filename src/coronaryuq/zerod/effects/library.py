@@ -8,6 +8,7 @@ from coronaryuq.zerod.effects.intramyocardial import IntramyocardialDelay, Intra
 from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
 from coronaryuq.zerod.effects.leak import DistalLeak, SideBranch, SideBranchLeak
 from coronaryuq.zerod.effects.measuring_chain import (
+    BeatAveraging,
     CatheterResonance,
     FlowDelay,
     FlowLowPass,
@@ -89,6 +90,7 @@ LIBRARY: tuple[Effect, ...] = (
     MisplacedFlow(),
     ExchangedFlows(),
     TriggerDelay(),
+    BeatAveraging(),
     WireDrift(),
     DriveGain(),
 )

@@ -48,6 +48,7 @@ EFFECTS = (
     "misplaced_flow",
     "exchanged_flows",
     "trigger_delay",
+    "beat_averaging",
     "wire_drift",
     "drive_gain",
     "exchanged_outlets",
