@@ -35,6 +35,19 @@ def test_a_dead_band_reads_a_triangle_late_on_both_ways():
     assert read[5] == 4.0 and read[15] == 6.0 and read.max() == 9.0
 
 
+@given(WAVES, st.floats(0.1, 30.0))
+def test_a_limited_slew_rate_is_kept_and_a_slow_waveform_read_itself(wave, step):
+    read = set_aside.slewed(wave, step)
+    # Sums of steps err by rounding.
+    assert np.abs(np.diff(read)).max() <= step + 1e-9
+    assert set_aside.slewed(wave, 2.0 * np.abs(wave).max() + 1.0) == pytest.approx(wave)
+
+
+def test_a_limited_slew_rate_cuts_a_steep_rise_to_a_ramp():
+    read = set_aside.slewed(np.r_[np.zeros(10), np.full(10, 8.0)], 2.0)
+    assert read[10:15].tolist() == [2.0, 4.0, 6.0, 8.0, 8.0] and read[:5].tolist() == [6.0, 4.0, 2.0, 0.0, 0.0]
+
+
 def test_names_outside_the_library_are_distinct():
     """At least ten, five of them set aside."""
     names = [*dict.fromkeys([*OUTSIDE, *OUTSIDE_LOOP]), *set_aside.EFFECTS]

@@ -15,30 +15,6 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import put_ahead
 from coronaryuq.zerod.solver.engine import Engine
 
-BEATS = np.linspace(-2.0, 2.0, 9)
-"""Beats of an average, in standard deviations of their period."""
-
-
-def beat_averaging(experiment: Experiment, random: np.random.Generator) -> Outside | None:
-    """Return waveforms averaged over beats of varying period, aligned at their start, so that late phases blur.
-
-    Relative standard deviation of the period: 8 %, as by respiration. Source: Task Force, Circulation 93 (1996) 1043.
-    """
-    weight = np.exp(-0.5 * BEATS**2)
-    weight /= weight.sum()
-
-    def blurred(wave: np.ndarray) -> np.ndarray:
-        phase = np.arange(len(wave)) / len(wave)
-        return sum(
-            w * np.interp(phase * (1.0 + 0.08 * beat), phase, wave, period=1.0)
-            for w, beat in zip(weight, BEATS, strict=True)
-        )
-
-    def law(records: Records, periods: dict[str, float]) -> Records:
-        return {name: {key: blurred(wave) for key, wave in waves.items()} for name, waves in records.items()}
-
-    return Outside(records=law)
-
 
 def line_echo(experiment: Experiment, random: np.random.Generator) -> Outside | None:
     """Return a pressure line with an echo: half of the pulse again, 80 ms later; its steady gain is one.
@@ -77,6 +53,26 @@ def baseline_droop(experiment: Experiment, random: np.random.Generator) -> Outsi
             return np.fft.irfft(spectrum, len(wave))
 
         return {name: waves | {channel: coupled(name, waves[channel])} for name, waves in records.items()}
+
+    return Outside(records=law)
+
+
+def slew_limit(experiment: Experiment, random: np.random.Generator) -> Outside | None:
+    """Return a pressure channel whose amplifier changes by no more than 30 % of the pressure's own largest rate.
+
+    Source: Horowitz & Hill, The Art of Electronics, 3rd ed. (2015), section 4.4 (slew rate).
+    """
+    channel = one_of("pressure", _channels(experiment), random)
+    if channel is None:
+        return None
+
+    def law(records: Records, periods: dict[str, float]) -> Records:
+        def read(name: str) -> np.ndarray:
+            wave = records[name][channel]
+            rates = {one: np.abs(np.diff(records[one][channel])).max() * len(wave) / periods[one] for one in records}
+            return slewed(wave, 0.3 * max(rates.values()) * periods[name] / len(wave))
+
+        return {name: waves | {channel: read(name)} for name, waves in records.items()}
 
     return Outside(records=law)
 
@@ -139,7 +135,16 @@ def _channels(experiment: Experiment) -> list[Channel]:
     return [(quantity, place) for quantity, place, statistic, _ in experiment.plan.entries if statistic == "waveform"]
 
 
+def slewed(wave: np.ndarray, step: float) -> np.ndarray:
+    """Return a periodic waveform as read by what changes by no more than `step` from sample to sample."""
+    read, last = np.empty_like(wave), wave[0]
+    # In the second beat it is periodic.
+    for number, value in enumerate((*wave, *wave)):
+        last += np.clip(value - last, -step, step)
+        read[number % len(wave)] = last
+    return read
+
+
 EFFECTS: dict[str, Callable[[Experiment, np.random.Generator], Outside | None]] = {
-    make.__name__: make
-    for make in (beat_averaging, line_echo, baseline_droop, contractility_with_rate, dynamic_stenosis)
+    make.__name__: make for make in (line_echo, baseline_droop, slew_limit, contractility_with_rate, dynamic_stenosis)
 }
