@@ -159,3 +159,11 @@ def test_a_side_branch_that_the_model_lacks_is_no_error_of_a_probe(tmp_path):
     (entry,) = analyse(tmp_path).named
     assert set(truth.hypothesis) <= {member.placed for member in entry.members}
     assert entry.named.effect.name == "side_branch"
+
+
+@pytest.mark.long
+def test_an_average_of_beats_is_named(tmp_path):
+    """It blurs waveforms by less than the error that a right model may have, and was answered "nothing" at 1.00."""
+    truth, _ = hide(Case(("beat_averaging",), "strong", "nominal", 77001), open_loop(), tmp_path, NATURE)
+    (entry,) = analyse(tmp_path).named
+    assert entry.named.placed in truth.hypothesis
