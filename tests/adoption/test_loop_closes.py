@@ -119,7 +119,7 @@ def test_the_prediction_with_the_adopted_effect_holds_the_truth(patient):
     assert samples["missing_1_size"].std() > 0.2
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_error_of_the_map_that_was_named_corrects_the_flows_that_the_posterior_is_fitted_to(tmp_path):
     _, true = measured(tmp_path, "mbf_underestimation", "perfusion map", np.array([0.5]))
     rows = read_csv(tmp_path / "measurements.csv")

@@ -52,7 +52,7 @@ def motion(random, turn, shift, stretch=0.0):
     return matrix
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_shift_of_the_parts_is_the_error_of_the_map(tmp_path):
     """Known displacements up to some 15 mm: ranked, and estimated within a factor of two from half a voxel on."""
     random = np.random.default_rng(41)

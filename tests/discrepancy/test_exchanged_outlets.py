@@ -20,7 +20,7 @@ def exchanged(network, condition):
     return network
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_exchanged_outlets_are_reported_as_a_wiring_error(tmp_path):
     make_case.hide(open_loop(), assume(), np.zeros(0), make_case.Noise(), 11, tmp_path, Outside(network=exchanged))
     found = analyse(tmp_path)

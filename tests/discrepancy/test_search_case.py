@@ -113,7 +113,7 @@ def test_a_size_outside_its_prior_is_named_with_a_doubt(stenosis_case, tmp_path,
         assert ("outside the central 99 %" in answer["paragraph"]) == bool(beyond)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_repaired_case_leaves_nothing_to_explain(stenosis_case, tmp_path, capsys):
     """The files of a result are searched again unchanged."""
     command.main(case_arguments(stenosis_case[0], tmp_path / "out"))

@@ -47,6 +47,7 @@ def test_the_checkpoint_runs_rounds_until_it_is_done(growing):
     assert rounds == {"round_0.json", "round_1.json", "round_2.json"}
 
 
+@pytest.mark.long
 def test_longer_chains_serve_new_propagation_samples_and_change_no_others(growing):
     home = growing.folder / "results" / "tiny"
     own = dict.fromkeys(("zerod_chunk", "flow3d_batch", "samples", "posterior"), NAMES_CHAINS)

@@ -55,6 +55,7 @@ def test_another_noise_level_recomputes_what_depends_on_it(again):
     assert "mesh" not in jobs
 
 
+@pytest.mark.long
 def test_an_edited_module_never_gives_a_stale_result(again):
     jobs = again(edit="flow3d/fem/wall_shear.py")
     assert jobs["flow3d_batch"] == 2

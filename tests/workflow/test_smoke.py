@@ -105,6 +105,7 @@ def test_the_report_contains_its_pictures_and_no_unfilled_fields(results):
     assert "The pressure drop is that from the start of the lesion to where its FFR is read." in shown
 
 
+@pytest.mark.long
 def test_snakemakes_own_report_holds_the_results(results, tmp_path):
     smoke.campaign(results.parents[1], "--report", str(tmp_path / "campaign.zip"))
     with zipfile.ZipFile(tmp_path / "campaign.zip") as archive:

@@ -32,7 +32,7 @@ def test_a_warm_start_does_not_change_the_result(problem):
     assert np.abs(neighbour - wanted).max() / size > 1e-2, "the neighbour is another point"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fits_in_lockstep_do_not_depend_on_threads():
     """Several networks with what each has met: the same bits; and near what each fit finds by itself."""
     leak, blood = (effect("side_branch_leak"), "lca2"), (effect("haematocrit"), "everywhere")

@@ -260,7 +260,7 @@ def test_what_a_named_effect_explains_is_not_taken_for_noise(tmp_path):
     assert in_first_class(truth, found) and not found.noise
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_lasting_noise_of_understated_size_is_known_about_the_effect_found(tmp_path):
     """Noise 1.43 times as large as stated, with a correlation of 0.5: what is left is not taken for a misfit."""
     case = Case(("pressure_offset",), "medium", "violated", 91001)

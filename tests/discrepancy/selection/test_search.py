@@ -112,7 +112,7 @@ def test_other_effects_need_no_second_search(sizes):
     assert stands is first and not left_out
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_path):
     """Pressure that leaks into a flow channel shows in all data together, but in no test of the fitted ones."""
     hide(Case((), "medium", "nominal", 20002, "channel_crosstalk"), closed_loop(loop()), tmp_path, NATURE)
@@ -123,7 +123,7 @@ def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_pat
     assert "finds no misfit" in text and "Something other than an effect of the library is missing" in text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_first_effect_that_is_likelier_than_none_is_weighed_by_all_data(tmp_path):
     """Fitted data make exchanged probes twice as likely as nothing, which was answered at 0.999; all data agree."""
     hide(Case(("exchanged_pressures",), "medium", "nominal", 71001), open_loop(), tmp_path, NATURE)

@@ -31,7 +31,7 @@ def test_a_coarse_mesh_gives_two_more_estimators(with_coarse):
     assert row.levels.fine < row.levels.cheap, "the coarse run explains most of the fine one"
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_row_whose_0d_output_is_its_own_changes_no_other_row(with_coarse):
     """It is estimated with that output, coarse level and all."""
     alone = analysed(with_coarse)

@@ -72,7 +72,7 @@ def test_a_row_with_a_column_that_is_not_there_is_one_line(folder, column):
         table(folder, [row])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_published_row_claims_less_than_the_batch_means_of_its_control_variate(menon):
     """The published propagation inputs are chains written in turn; row 11 has the largest error of a chain."""
     runs = read_runs(menon)
