@@ -103,12 +103,15 @@ class FlowDelay(_Delay):
     parameters = (Parameter("delay", "s", "normal", 0.0, 0.03, "delay in seconds"),)
 
 
-class OneDevice(Chain):
+class OneDevice(Effect):
     """Base class of what acts on the waveforms of several places together.
 
     Places: all waveforms, or all of one quantity, as from an imaging device when a pressure drives the model.
     """
 
+    side = "measurement"
+    native = NATIVE
+    changes_shape = True
     quantities_of: ClassVar[dict[str, tuple[str, ...]]] = {
         "every waveform": ("pressure", "flow", "volume"),
         EVERY_PRESSURE: ("pressure",),
