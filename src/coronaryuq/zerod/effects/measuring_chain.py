@@ -43,7 +43,32 @@ class _Delay(Chain):
         return np.asarray(sizes["delay"]) if affected else np.zeros(1)
 
 
-class LinearFilter(Chain):
+class Reshaping(Effect):
+    """Base class of what changes the shape of the waveforms that it covers; a mean, which has none, is left."""
+
+    @abstractmethod
+    def covers(self, place: str, series: Series) -> bool:
+        """Return whether the effect at a place acts on a series."""
+
+    @abstractmethod
+    def reshaped(self, sizes: Values, series: Series, wave: np.ndarray) -> np.ndarray:
+        """Return the waveforms (n, k) of a series as they are read, see `Effect.read`."""
+
+    def read(
+        self,
+        place: str,
+        sizes: Values,
+        series: Series,
+        wave: np.ndarray,
+        other: np.ndarray | None,
+        anatomy: Anatomy,
+    ) -> np.ndarray:
+        if series.statistic == "mean" or not self.covers(place, series):
+            return wave
+        return self.reshaped(sizes, series, wave)
+
+
+class LinearFilter(Chain, Reshaping):
     """Filter with a transfer function. Places: each waveform or, if one device reads several, all of its quantity.
 
     Each harmonic of the simulated waveform is multiplied by the transfer function, which is the steady response to a
@@ -58,17 +83,7 @@ class LinearFilter(Chain):
         alone = super().places(anatomy, observed)
         return [*alone, f"every {self.quantities[0]}"] if len(alone) > 1 else alone
 
-    def read(
-        self,
-        place: str,
-        sizes: Values,
-        series: Series,
-        wave: np.ndarray,
-        other: np.ndarray | None,
-        anatomy: Anatomy,
-    ) -> np.ndarray:
-        if series.statistic == "mean" or not self.covers(place, series):
-            return wave
+    def reshaped(self, sizes: Values, series: Series, wave: np.ndarray) -> np.ndarray:
         points = wave.shape[1]
         transfer = self.transfer(sizes, np.fft.rfftfreq(points, series.period / points))
         return np.fft.irfft(np.fft.rfft(wave) * transfer, points)
@@ -141,7 +156,7 @@ class TriggerDelay(OneDevice, _Delay):
     parameters = (Parameter("delay", "s", "normal", 0.0, 0.1, "delay in seconds"),)
 
 
-class BeatAveraging(OneDevice):
+class BeatAveraging(OneDevice, Reshaping):
     """Average over beats of varying period, which are aligned at their start, so that late phases blur.
 
     Over a few minutes of rest the period has a standard deviation of about 50 ms of 900 ms.
@@ -155,29 +170,15 @@ class BeatAveraging(OneDevice):
         Parameter("period_spread", "1", "lognormal", 0.05, 0.5, "standard deviation of the period over its mean"),
     )
 
-    def read(
-        self,
-        place: str,
-        sizes: Values,
-        series: Series,
-        wave: np.ndarray,
-        other: np.ndarray | None,
-        anatomy: Anatomy,
-    ) -> np.ndarray:
-        if series.statistic == "mean" or not self.covers(place, series):
-            return wave
+    def reshaped(self, sizes: Values, series: Series, wave: np.ndarray) -> np.ndarray:
         phase = np.arange(wave.shape[1]) / wave.shape[1]
         beats, weights = np.polynomial.hermite_e.hermegauss(BEATS)
         spread = np.asarray(sizes["period_spread"])
-        return (
-            np.array(
-                [
-                    weights @ [np.interp(phase * (1.0 + s * beat), phase, own, period=1.0) for beat in beats]
-                    for s, own in zip(spread, wave, strict=True)
-                ]
-            )
-            / weights.sum()
-        )
+        averaged = [
+            weights @ [np.interp(phase * (1.0 + s * beat), phase, own, period=1.0) for beat in beats]
+            for s, own in zip(spread, wave, strict=True)
+        ]
+        return np.array(averaged) / weights.sum()
 
 
 class PressureLowPass(_LowPass):
