@@ -18,7 +18,7 @@ from coronaryuq.discrepancy.forward.hypothesis import shared_grafts
 from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.effects.library import LIBRARY, effect
 from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume, placed
 
@@ -95,6 +95,38 @@ def test_an_error_of_the_perfusion_map_uses_all_conditions(problem):
     assert some == pytest.approx(problem.forward.predict_rows([row])[0])
 
 
+ON_READINGS = [one for one in LIBRARY if one.side == "measurement"]
+
+
+@pytest.mark.parametrize("one", ON_READINGS, ids=lambda one: one.name)
+def test_an_error_of_readings_is_predicted_without_the_conditions_it_does_not_need(problem, one):
+    """Offsets, relative to the mean of all readings, and an underestimated perfusion alone need other conditions."""
+    places = one.places(problem.forward.anatomy, problem.forward.measured)
+    if not places:
+        pytest.skip("acts nowhere in this case")
+    before = problem.forward.simulation.runs
+    row = (np.append(0.2 * np.ones(problem.count), 0.7 * np.ones(len(one.parameters))), assume(placed(one, places[0])))
+    found = problem.fitted([row])[0]
+    assert problem.forward.simulation.runs - before == (4 if one.across_conditions else 3)
+    assert np.isfinite(found).all()
+    assert found.tolist() == problem.whitened([row])[0][problem.train].tolist()
+
+
+def test_no_prediction_depends_on_what_runs_beside_it(problem):
+    """A gain of the driving pressure, for one, resamples its waveform; the runs beside it keep their own."""
+    random = generator(1, "test", "beside")
+    acting = [(one, one.places(problem.forward.anatomy, problem.forward.measured)) for one in LIBRARY]
+    rows = [
+        (0.5 * random.standard_normal(problem.count + len(one.parameters)), assume(placed(one, places[0])))
+        for one, places in acting
+        if places
+    ]
+    assert len(rows) > 30
+    together, alone = problem.fitted(rows), np.array([problem.fitted([row])[0] for row in rows])
+    assert np.isfinite(together).all()
+    assert np.abs(together - alone).max() < 1e-6
+
+
 def test_an_effect_with_feedback_fails_if_an_earlier_run_failed(problem, monkeypatch):
     """And leaves the other rows of its batch as they are alone."""
     rows = [(np.append(k * np.ones(problem.count), 1.0), assume(("autoregulation", "all beds"))) for k in (0.1, 0.2)]
@@ -161,6 +193,6 @@ def test_values_set_by_an_effect_are_computed_once_for_all_nuisance_parameters(p
 def test_waves_are_interpolated_to_the_bits_of_numpy(seed, late):
     random = generator(seed, "test", "interpolation")
     waves, grid, time = random.standard_normal((4, 31)), np.linspace(0.0, 0.8, 31), random.uniform(0.0, 0.8, 17)
-    found = interpolated(waves, grid, time, np.array([late[0], late[0], *late[2:]]), 0.8)
+    found = interpolated(waves, 0.8, time, np.array([late[0], late[0], *late[2:]]), 0.8)
     for own, wave, shift in zip(found, waves, [late[0], late[0], *late[2:]], strict=True):
         assert own.tolist() == np.interp((time - shift) % 0.8, grid, wave).tolist()

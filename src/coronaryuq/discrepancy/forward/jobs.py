@@ -86,13 +86,21 @@ class Job:
 
 
 def batches(prepared: Prepared, jobs: list[Job]) -> list[list[int]]:
-    """Group jobs: those that activate zero-valued elements, which are harder to solve, run in their own batch."""
-    zero = {name for name, value in prepared.engine.parameters.items() if value == 0.0}
+    """Group jobs that run in one batch.
+
+    Those that activate zero-valued elements are harder to solve. A waveform that one job of a batch changes is
+    resampled in all, so jobs that change other waveforms are apart: no prediction depends on what runs beside it.
+    """
+    nominal = prepared.engine.parameters
+    zero = {name for name, value in nominal.items() if value == 0.0}
     scaled = {job.condition: job.scaled for job in jobs}
     everywhere = {condition: not zero.isdisjoint(names) for condition, names in scaled.items()}
-    activates = [everywhere[job.condition] or not zero.isdisjoint(job.effects) for job in jobs]
-    groups = [[i for i, other in enumerate(activates) if other is kind] for kind in (False, True)]
-    return [group for group in groups if group]
+    groups: dict[tuple, list[int]] = {}
+    for number, job in enumerate(jobs):
+        activates = everywhere[job.condition] or not zero.isdisjoint(job.effects)
+        changed = prepared.changes[job.condition].keys() | job.effects.keys()
+        groups.setdefault((activates, frozenset(changed - nominal.keys())), []).append(number)
+    return list(groups.values())
 
 
 def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:

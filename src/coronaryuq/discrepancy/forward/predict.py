@@ -109,7 +109,7 @@ class Forward:
         rows
             Point z (p,) and hypothesis of each row.
         conditions
-            Conditions to run, by default all. Rows with an effect on the measurements run all.
+            Conditions to run, by default all. Rows with an effect across conditions run all.
         grafts
             Effects inserted into common networks (`shared_grafts`), inactive except in the rows that have them.
 
@@ -123,8 +123,7 @@ class Forward:
         common = [placed for placed in rows[0][1] if all(placed in hypothesis for _, hypothesis in rows)]
         shares = shared_grafts([placed for placed in self.simulation.inserting(grafts) if placed not in common])
         for number, (z, hypothesis) in enumerate(rows):
-            # Effects on the measurements may depend on all predictions.
-            all_conditions = any(effect.side == "measurement" for effect, _ in hypothesis)
+            all_conditions = any(effect.across_conditions for effect, _ in hypothesis)
             inserted = self.simulation.inserting(hypothesis)
             share = next((shares[placed] for placed in inserted if placed in shares), [])
             inserted = [*share, *(placed for placed in inserted if placed not in share)]
@@ -205,8 +204,7 @@ class Forward:
         elsewhere = partial(self._waveform, waves, series, renamed)
         used[0] = as_read(series, used[0], elsewhere, chains, self.anatomy)
         period = self.periods.get(series.condition, series.period)
-        late, grid = delays(series, chains, len(z)), np.linspace(0.0, period, used[0].shape[1])
-        values = self._series(series, used, grid, z, late)
+        values = self._series(series, used, period, z, delays(series, chains, len(z)))
         values[~np.isfinite(used[0]).all(axis=1)] = np.nan
         return values
 
@@ -371,7 +369,7 @@ class Forward:
         return self.anatomy.inlet(self.anatomy.roots[0])
 
     def _series(
-        self, series: Measured, waveforms: list[np.ndarray], time: np.ndarray, z: np.ndarray, late: np.ndarray
+        self, series: Measured, waveforms: list[np.ndarray], period: float, z: np.ndarray, late: np.ndarray
     ) -> np.ndarray:
         if series.quantity == "ratio":
             means = [values[:, :-1].mean(axis=1) for values in waveforms]
@@ -380,7 +378,7 @@ class Forward:
         if series.quantity == "perfusion":
             values = values / self._mass(series.location, z)[:, None]
         if series.time is not None:
-            return interpolated(values, time, series.time, late, series.period)
+            return interpolated(values, period, series.time, late, series.period)
         cycle = values[:, :-1] if series.statistic == "mean" else values
         return REDUCE[series.statistic](cycle, axis=1)[:, None]
 

@@ -166,13 +166,15 @@ class Weighted:
     """A vector v (N,) weighted by the covariance C of each amplitude.
 
     vector: v; parts: its components (k,); shapes: L'C^-1 v (T, q); others: of the other columns H, what the shapes do
-    not explain, H'C^-1 v - K'L'C^-1 v (T, m).
+    not explain, H'C^-1 v - K'L'C^-1 v (T, m); by_shapes, by_others: A^-1 and S^-1 times these.
     """
 
     vector: np.ndarray
     parts: np.ndarray
     shapes: np.ndarray
     others: np.ndarray
+    by_shapes: np.ndarray
+    by_others: np.ndarray
 
 
 class Projection:
@@ -220,20 +222,23 @@ class Projection:
         parts = self.flexible.along(vector[:, None])[:, 0]
         shared = self.flexible.explained * parts
         shapes = self.flexible.shapes.T @ vector - shared @ self.flexible.shape_parts
-        others = self.others.T @ vector - shared @ self.parts
-        return Weighted(vector, parts, shapes, others - np.einsum("tqm,tq->tm", self.gains, shapes))
+        others = self.others.T @ vector - shared @ self.parts - _each(self.gains.transpose(0, 2, 1), shapes)
+        by_shapes = _each(self.flexible.shape_covariance, shapes)
+        return Weighted(vector, parts, shapes, others, by_shapes, _each(self.spread, others))
 
     def inner(self, first: Weighted, second: Weighted) -> np.ndarray:
         """Return v'(C + GG')^-1 w by amplitude: (T,)."""
         plain = first.vector @ second.vector - self.flexible.explained @ (first.parts * second.parts)
-        by_shapes = np.matmul(self.flexible.shape_covariance, second.shapes[:, :, None])[:, :, 0]
-        by_others = np.matmul(self.spread, second.others[:, :, None])[:, :, 0]
-        return plain - (first.shapes * by_shapes).sum(axis=1) - (first.others * by_others).sum(axis=1)
+        return plain - (first.shapes * second.by_shapes).sum(axis=1) - (first.others * second.by_others).sum(axis=1)
 
     def condition(self, data: Weighted) -> tuple[np.ndarray, np.ndarray]:
         """Return the log evidence (T,) of data, and the means (T, p) of z given them."""
         mean = np.empty((len(self.spread), self.count))
-        own = np.matmul(self.spread, data.others[:, :, None])
-        shapes = np.matmul(self.flexible.shape_covariance, data.shapes[:, :, None]) - np.matmul(self.gains, own)
-        mean[:, self.columns], mean[:, self.flexible.columns] = own[:, :, 0], shapes[:, :, 0]
+        mean[:, self.columns] = data.by_others
+        mean[:, self.flexible.columns] = data.by_shapes - _each(self.gains, data.by_others)
         return self.constants - 0.5 * self.inner(data, data), mean
+
+
+def _each(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """Return the products of matrices (T, a, b) with one vector each (T, b): (T, a)."""
+    return np.matmul(matrices, vectors[:, :, None])[:, :, 0]

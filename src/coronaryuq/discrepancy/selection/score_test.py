@@ -52,13 +52,8 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
     ranked = sorted(
         (c for c in run if not c.effect.changes_shape and c.z_score > RULE.shortlist_score), key=lambda c: -c.z_score
     )
-    visible = {
-        c.placed: linear.sees(response)
-        for c, response in zip(run, responses, strict=True)
-        if np.isfinite(response).all()
-    }
-    clear = [c for c in ranked if visible[c.placed]][: RULE.larger_sizes]
-    faint = [c for c in ranked if not visible[c.placed]][: RULE.larger_sizes]
+    clear = [c for c in ranked if linear.sees(c)][: RULE.larger_sizes]
+    faint = [c for c in ranked if not linear.sees(c)][: RULE.larger_sizes]
     larger = [(c, size) for c in (*shape_changing, *clear, *faint) for size in _sizes(c)[1:]]
     responses = _responses(problem, runnable, hypothesis, larger)
     z_scores: dict[PlacedEffect, list[float]] = {c.placed: [c.z_score] for c in shape_changing}
@@ -150,15 +145,14 @@ class _LinearModel:
             candidate = replace(candidate, p_varying=chi2_tail(each.T @ self.project(each), each.T @ self.score))
         return self.weigh(candidate, size, response)
 
-    def sees(self, response: np.ndarray, growth: float = 1.0) -> bool:
-        """Return whether the data can detect `growth` times this response."""
-        return self._length(response) * growth > RULE.visible_response
+    def sees(self, candidate: Candidate) -> bool:
+        """Return whether the data can detect a candidate's response to a small size."""
+        return candidate.response is not None and self._length(candidate.response) > RULE.visible_response
 
     def z_score(self, response: np.ndarray, growth: float) -> float:
-        """Return the score test's standard normal number; zero if the data cannot detect the response at any size."""
-        if not np.isfinite(response).all() or not self.sees(response, growth):
-            return 0.0
-        return float(response @ self.score) / self._length(response)
+        """Return the score test's standard normal number; zero if not even `growth` times it shows."""
+        length = self._length(response) if np.isfinite(response).all() else 0.0
+        return float(response @ self.score) / length if length * growth > RULE.visible_response else 0.0
 
     def _length(self, response: np.ndarray) -> float:
         """Return the whitened norm of the part of a response that recalibration cannot absorb."""

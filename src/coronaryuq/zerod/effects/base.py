@@ -120,6 +120,8 @@ class Effect(ABC):
     changes_shape
         True if the response changes its shape with the size, so that a small size does not predict a large one: the
         change by a delay of a quarter of the period differs in shape from that by a short delay.
+    across_conditions
+        True if `observe` needs the predictions of all conditions, not only of those whose readings are wanted.
     nameable
         False for a wiring error of the model: if it explains best, the missing cause is not an effect.
     """
@@ -135,6 +137,7 @@ class Effect(ABC):
     beyond_probes: ClassVar[bool] = False
     feedback: ClassVar[bool] = False
     changes_shape: ClassVar[bool] = False
+    across_conditions: ClassVar[bool] = False
     nameable: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:

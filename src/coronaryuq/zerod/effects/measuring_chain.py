@@ -2,9 +2,11 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect, Parameter, Series, Values
@@ -13,6 +15,8 @@ from coronaryuq.zerod.effects.sensors import EVERY_PRESSURE, NATIVE
 EVERY_FLOW = "every flow"
 BEATS = 15
 """Nodes of the Gauss-Hermite rule by which beats are averaged."""
+MOST_AVERAGES = 64
+"""Averages of beats that are kept: a fit reads all series, and differentiates by most parameters, with the same one."""
 MEASUREMENT_OF_FLOW = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
 
 
@@ -171,14 +175,21 @@ class BeatAveraging(OneDevice, Reshaping):
     )
 
     def reshaped(self, sizes: Values, series: Series, wave: np.ndarray) -> np.ndarray:
-        phase = np.arange(wave.shape[1]) / wave.shape[1]
-        beats, weights = np.polynomial.hermite_e.hermegauss(BEATS)
-        spread = np.asarray(sizes["period_spread"])
-        averaged = [
-            weights @ [np.interp(phase * (1.0 + s * beat), phase, own, period=1.0) for beat in beats]
-            for s, own in zip(spread, wave, strict=True)
-        ]
-        return np.array(averaged) / weights.sum()
+        spreads = np.asarray(sizes["period_spread"]).tolist()
+        return np.array([_average(s, len(own)) @ own for s, own in zip(spreads, wave, strict=True)])
+
+
+@lru_cache(MOST_AVERAGES)
+def _average(spread: float, points: int) -> csr_array:
+    """Return the matrix (points, points) that averages a waveform, linear between its points, over beats."""
+    beats, weights = np.polynomial.hermite_e.hermegauss(BEATS)
+    at = np.arange(points)[:, None] * (1.0 + spread * beats)
+    before = np.floor(at)
+    after = at - before
+    rows = np.broadcast_to(np.arange(points)[:, None], at.shape)
+    columns = np.concatenate([before, before + 1.0], axis=1).astype(int) % points
+    shares = np.concatenate([weights * (1.0 - after), weights * after], axis=1) / weights.sum()
+    return csr_array((shares.ravel(), (np.tile(rows, 2).ravel(), columns.ravel())), shape=(points, points))
 
 
 class PressureLowPass(_LowPass):

@@ -25,6 +25,7 @@ class MBFUnderestimation(MapError):
     formula = "MBF = F (1 - exp(-PS / F)) / (1 - exp(-PS / F_0)), PS = F_0 / s, F_0 the lowest measured flow"
     source = "Renkin, Am. J. Physiol. 197 (1959) 1205; Crone, Acta Physiol. Scand. 58 (1963) 292"
     signature = "perfusion correct at rest and too low in hyperaemia, increasingly so at high flow"
+    across_conditions = True
     parameters = (
         Parameter(
             "saturation", "1", "lognormal", 0.3, 0.8, "lowest measured flow over the permeability-surface product"

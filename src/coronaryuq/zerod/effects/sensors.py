@@ -41,6 +41,8 @@ class _Gain(Sensor):
 class _Offset(Sensor):
     """Error that does not depend on the reading: a size times the mean of all readings of the sensor."""
 
+    across_conditions = True
+
     def observe(
         self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
     ) -> list[np.ndarray]:
