@@ -1,11 +1,13 @@
 """The documentation names files, tests, effects and answers that exist."""
 
+import argparse
 import ast
 import re
 from pathlib import Path
 
 import pytest
 
+from coronaryuq.cli.main import _parser as command_line_parser
 from coronaryuq.discrepancy.result import phrases, summary_text
 from coronaryuq.zerod.effects.library import LIBRARY, SEARCHED
 from coronaryuq.zerod.effects.names import EFFECTS
@@ -14,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), ROOT / "config" / "README.md"])
 IN_REPOSITORY = re.compile(r"`((?:tests|benchmarks|docs|config|workflow|envs|src)/[\w./-]+)(?:::(\w+)(\.\.\.)?)?`")
 TEST_OF_WORKFLOW = re.compile(r"`(test_\w+)(?:::(test_\w+)(\.\.\.)?)?`")
+COMMAND_LINE = re.compile(r"(?:^ {4,}(?:\$ )?|`)coronaryuq ([a-z][^`\n]*)", re.MULTILINE)
 PLACEHOLDERS = ("NAME", "MODULE", "K.jsonl")
 
 
@@ -45,6 +48,44 @@ def test_every_path_and_test_named_in_the_documentation_exists(page):
 def test_a_path_that_does_not_exist_is_found(tmp_path):
     (tmp_path / "page.md").write_text("`tests/no_such_folder/test_it.py` and `test_slurm::test_no_such_test`")
     assert unnamed(tmp_path / "page.md") == ["tests/no_such_folder/test_it.py", "test_slurm::test_no_such_test"]
+
+
+def unknown_in_commands(text, parser):
+    """Return the commands and options of `coronaryuq` in a text that the parser does not have."""
+    unknown = []
+    for line in COMMAND_LINE.findall(text):
+        command, path = parser, ["coronaryuq"]
+        for word in line.partition(" #")[0].partition(" -- ")[0].split():
+            subcommands = [action.choices for action in command._actions if action.nargs == argparse.PARSER]
+            if word.startswith("--"):
+                unknown += [" ".join([*path, word])] * (word.partition("=")[0] not in command._option_string_actions)
+            elif subcommands and word in subcommands[0]:
+                command, path = subcommands[0][word], [*path, word]
+            elif subcommands and word.islower():
+                unknown.append(" ".join([*path, word]))
+                break
+    return unknown
+
+
+@pytest.fixture(scope="module")
+def parser():
+    return command_line_parser([], whole=True)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_command_in_the_documentation_exists(page, parser):
+    assert unknown_in_commands(page.read_text(encoding="utf-8"), parser) == []
+
+
+def test_a_command_that_does_not_exist_is_found(parser):
+    text = (
+        "`coronaryuq calibrate` and\n\n    coronaryuq bench flow --json\n    coronaryuq tune A B --outt DIR  # tunes\n"
+    )
+    assert unknown_in_commands(text, parser) == [
+        "coronaryuq calibrate",
+        "coronaryuq bench flow",
+        "coronaryuq tune --outt",
+    ]
 
 
 def test_the_list_of_names_is_that_of_the_library():

@@ -268,8 +268,9 @@ class Problem:
     ) -> list[Fit | None]:
         """Fit one more effect each, as `fit_roughly`, and those not far behind the best also from other points.
 
-        guesses: starting sizes of each. All take two iterations from there; those not far behind the best continue,
-        also from `starts - 1` other points. Returns the best fit of each, None if no run succeeded.
+        guesses: starting sizes of each. All take two iterations from there, those not far behind the best also from
+        `starts - 1` other points; of each of these, the best so far continues. Returns the best fit of each, None if no
+        run succeeded.
         """
         best: list[Fit | None] = [None] * len(candidates)
 
@@ -285,10 +286,10 @@ class Problem:
         failed = [i for i, fit in enumerate(best) if fit is None]
         search(failed, [np.full(len(guesses[i]), SMALLER) for i in failed], 2)
         leading = max((fit.evidence for fit in best if fit is not None), default=0.0)
-        close = {i: fit for i, fit in enumerate(best) if fit and fit.evidence > leading - RULE.far_behind}
-        others = OTHER_STARTS[: self.settings.starts - 1]
-        elsewhere = [np.full(len(guesses[i]), size) for size in others for i in close]
-        search([*close, *(list(close) * len(others))], [*close.values(), *elsewhere], self.settings.iterations)
+        close = [i for i, fit in enumerate(best) if fit and fit.evidence > leading - RULE.far_behind]
+        others = [(i, np.full(len(guesses[i]), size)) for size in OTHER_STARTS[: self.settings.starts - 1] for i in close]
+        search([i for i, _ in others], [start for _, start in others], 2)
+        search(close, [fit for i in close if (fit := best[i])], self.settings.iterations)
         return best
 
     def fit_roughly(
