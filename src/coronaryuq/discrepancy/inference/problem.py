@@ -287,8 +287,8 @@ class Problem:
         search(failed, [np.full(len(guesses[i]), SMALLER) for i in failed], 2)
         leading = max((fit.evidence for fit in best if fit is not None), default=0.0)
         close = [i for i, fit in enumerate(best) if fit and fit.evidence > leading - RULE.far_behind]
-        others = [(i, np.full(len(guesses[i]), size)) for size in OTHER_STARTS[: self.settings.starts - 1] for i in close]
-        search([i for i, _ in others], [start for _, start in others], 2)
+        others = [(i, size) for size in OTHER_STARTS[: self.settings.starts - 1] for i in close]
+        search([i for i, _ in others], [np.full(len(guesses[i]), size) for i, size in others], 2)
         search(close, [fit for i in close if (fit := best[i])], self.settings.iterations)
         return best
 
