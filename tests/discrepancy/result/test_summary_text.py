@@ -26,21 +26,34 @@ def test_the_device_of_an_unlisted_response_is_told():
     )
 
 
+SOURCE = {"vessel": "lad", "nodes": [{"vessel": "lad", "nats": 12.0}], "laws": {"free": 0.9}, "law": "free"}
+SOURCE |= {"says": "constant"}
+
+
+def shown_in(*where, probability=0.97, form=ALONE, source=SOURCE):
+    keys = ("quantity", "location", "condition", "probability")
+    places = [dict(zip(keys, own, strict=True)) for own in (("", "", "", 0.02), (*where, probability))]
+    return summary_text._shown({"leading_form": form, "shows_in": places}, source)
+
+
 def test_one_place_where_something_else_shows_is_told_and_no_flow_offered_for_an_error_of_a_pressure():
-    source = {"vessel": "lad", "nodes": [{"vessel": "lad", "nats": 12.0}], "laws": {"free": 0.9}, "law": "free"}
-    source |= {"says": "constant"}
-    places = [{"quantity": "", "location": "", "probability": 0.02}]
-    places.append({"quantity": "pressure", "location": "a:b", "probability": 0.97})
-    form = {"leading_form": ALONE, "shows_in": places}
-    said = " It shows in the pressure at a:b alone (probability 0.97): check that measurement first."
-    assert summary_text._shown(form, source) == said
-    places[1]["quantity"] = "flow"
-    said = summary_text._shown(form, source)
+    said = " It shows in the pressure at a:b alone (probability 0.97): an error of that measurement, or a loss of "
+    assert shown_in("pressure", "a:b", "") == f"{said}pressure that no other one sees."
+    said = shown_in("flow", "a:b", "")
     assert "the flow at a:b alone (probability 0.97): an error of that measurement, or a flow that no" in said
     assert "one at the end of lad explains most (12 nats)" in said
-    places[1]["probability"] = 0.4
-    assert summary_text._shown(form, source) == summary_text._source(source) != ""
-    assert summary_text._shown(form | {"leading_form": UNLISTED}, None) == ""
+    assert shown_in("flow", "a:b", "", probability=0.4) == summary_text._source(SOURCE) != ""
+    assert shown_in("flow", "a:b", "", form=UNLISTED, source=None) == ""
+    assert shown_in("volume", "heart", "").endswith(": an error of that measurement.")
+
+
+def test_one_quantity_or_condition_in_which_something_else_shows_is_told():
+    said = "the flow waveforms alone (probability 0.97): an error that they share, or a cause that hardly changes the"
+    assert said in shown_in("flow", "", "")
+    said = (
+        " It shows in the pressure waveforms under pacing alone (probability 0.97): check how they were recorded, and "
+    )
+    assert shown_in("pressure", "", "pacing") == f"{said}in which state."
 
 
 def agreeing(alarm):

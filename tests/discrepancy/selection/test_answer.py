@@ -1,5 +1,7 @@
 """The answer: names, something else, or nothing, with probabilities that are frequencies."""
 
+from unittest import mock
+
 import numpy as np
 import pytest
 
@@ -37,11 +39,15 @@ def problem_of(change, seed=0, effect=FOUND, held_out=()):
 
 def weighed(problem, effect=FOUND):
     """Weigh one effect; the features are those of data as large as `SCALE`."""
-    features = gp_discrepancy.features(problem)
-    features *= SCALE / np.abs(problem.y).max()
-    flexible = gp_discrepancy.Flexible(features[problem.train], np.zeros(problem.train.sum(), dtype=int))
+    own = gp_discrepancy.features
+
+    def features(problem, common=False):
+        return own(problem, common) * SCALE / np.abs(problem.y).max()
+
+    flexible = gp_discrepancy.Flexible(features(problem)[problem.train], np.zeros(problem.train.sum(), dtype=int))
     problem.__dict__["flexible"] = flexible
-    problem.__dict__["all_data"] = Data(problem, features, np.ones(len(problem.y), dtype=bool))
+    with mock.patch.object(gp_discrepancy, "features", features):
+        problem.__dict__["all_data"] = Data(problem, np.ones(len(problem.y), dtype=bool))
     hypothesis = assume(effect)
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
     return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [PRIOR], POSSIBLE)

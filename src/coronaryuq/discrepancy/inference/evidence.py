@@ -1,13 +1,20 @@
 """Evidence of data: of a model that is right within its own error, and of the model with something else missing.
 
 Two things are not known in it, and are averaged over: the noise of the waveforms, of which the scatter leaves several
-plausible, and where something else shows. It may be of one amplitude, as a fraction of each series' size, in all data,
-or in one quantity alone, as a flow that is diverted hardly changes pressures, or at one place alone, as an error of a
-probe; the three are equally likely. The last two are of waveforms and pullbacks: in single values alone, something else
+plausible, and where something else shows, with one amplitude as a fraction of each series' size. It may be
+
+- in all data, independently at each place;
+- in one quantity alone, as a flow that is diverted hardly changes pressures;
+- at one place alone, as an error of a probe;
+- in one quantity under one condition alone, as a recording that went wrong;
+- in one quantity, the same at all places, as an error of the device that reads them.
+
+The five are equally likely. All but the first are of waveforms and pullbacks: in single values alone, something else
 cannot be distinguished from a larger error.
 
-Blocks of data, one per measured place and quantity, have independent errors given the parameters of the model. So every
-block contributes a matrix of inner products under each noise and amplitude, and every combination is a sum of these.
+Waveforms have independent errors given the parameters of the model, and something else independent parts: one per
+measured place and quantity, one per condition of these, or one per quantity. So every quantity contributes a matrix of
+inner products under each noise, every part changes it by one for each amplitude, and every combination is a sum.
 """
 
 from collections.abc import Sequence
@@ -45,6 +52,10 @@ class PossibleNoise:
     shapes: np.ndarray
 
 
+Where = tuple[str, str, str]
+"""Quantity, place and condition of the data in which something else shows; empty: every one."""
+
+
 class Data:
     """Some rows of a problem's data under each noise and amplitude, shared by all its models.
 
@@ -52,16 +63,12 @@ class Data:
     ----------
     problem
         With `noises`.
-    features
-        Of the flexible discrepancy, see `gp_discrepancy.features`: (N, k).
     chosen
         Rows, M of them: (N,), bool.
     """
 
-    def __init__(self, problem: "Problem", features: np.ndarray, chosen: np.ndarray):
+    def __init__(self, problem: "Problem", chosen: np.ndarray):
         series, forward = problem.forward.measured, problem.forward
-        blocks = np.where(chosen, gp_discrepancy.blocks(problem), -1)
-        place = np.cumsum(chosen) - 1
         stated = PossibleNoise(0.0, np.zeros(len(problem.y)), forward.noise_shapes)
         self.names = list(dict.fromkeys(one.quantity for one in series))
         noises = {name: problem.noises.get(name, (stated,)) for name in self.names}
@@ -70,19 +77,47 @@ class Data:
         """Of every combination of the quantities' noises."""
         self.others = [k for k, nuisance in enumerate(forward.nuisances) if nuisance.noise]
         """Columns of a model's sensitivities that are weights of the problem's own noise."""
-        self.blocks = []
-        where: list[dict[tuple[str, str], list[int]]] = [{}, {}, {}]
-        for order, number in enumerate(np.unique(blocks[chosen])):
-            rows = np.flatnonzero(blocks == number)
-            own = [series[owner] for owner in np.unique(problem.owner[rows])]
-            name, location = own[0].quantity, own[0].location
-            seen = [_Seen.under(noise, rows, problem.sd[rows], features[rows]) for noise in noises[name]]
-            self.blocks.append((name, place[rows], seen))
-            several = any(one.value.size > 1 for one in own)
-            for form, shows in zip(where, [("", "")] + [(name, ""), (name, location)] * several, strict=False):
-                form.setdefault(shows, []).append(order)
-        self.where = [form for form in where if form]
-        """Blocks in which something else may be, by quantity and place: all, those of one quantity, or one."""
+        owner, sd = problem.owner[chosen], problem.sd[chosen]
+        rows = {number: np.flatnonzero(owner == number) for number in np.unique(owner).tolist()}
+        waves = {name: [own for number, own in rows.items() if series[number].quantity == name] for name in self.names}
+        self.noises = {
+            name: [_Whitening.under(noise, chosen, sd, waves[name]) for noise in noises[name]] for name in self.names
+        }
+        self._parts: list[tuple[str, np.ndarray, np.ndarray]] = []
+        self._seen: dict[int, tuple[str, list[_Part]]] = {}
+        alone, shared = (gp_discrepancy.features(problem, common)[chosen] for common in (False, True))
+        forms: tuple[dict[Where, list[int]], ...] = ({}, {}, {}, {}, {})
+        several = {number for number, one in enumerate(series) if one.value.size > 1}
+        blocks = gp_discrepancy.blocks(problem)[chosen]
+        for number in np.unique(blocks):
+            own = np.flatnonzero(blocks == number)
+            name, place = series[owner[own[0]]].quantity, series[owner[own[0]]].location
+            part, waveforms = self._part(name, own, alone), sorted(several.intersection(owner[own].tolist()))
+            for form, where in zip(
+                forms, [("", "", "")] + [(name, "", ""), (name, place, "")] * bool(waveforms), strict=False
+            ):
+                form.setdefault(where, []).append(part)
+            for one in waveforms:
+                forms[3].setdefault((name, "", series[one].condition), []).append(self._part(name, rows[one], alone))
+        for name in self.names:
+            read = [rows[number] for number in sorted(several & rows.keys()) if series[number].quantity == name]
+            if read:
+                forms[4][name, "", ""] = [self._part(name, np.concatenate(read), shared)]
+        self.forms = [form for form in forms if form]
+        """Parts of the data in which something else may be."""
+
+    def _part(self, name: str, rows: np.ndarray, features: np.ndarray) -> int:
+        """Keep an independent part of something else, in rows (n,) of a quantity; return its number."""
+        own = features[rows]
+        self._parts.append((name, rows, own[:, np.abs(own).max(axis=0) > 0.0]))
+        return len(self._parts) - 1
+
+    def part(self, number: int) -> tuple[str, list["_Part"]]:
+        """Return the quantity of a part of something else, and the part under each noise of it."""
+        if number not in self._seen:
+            name, rows, features = self._parts[number]
+            self._seen[number] = name, [_Part.under(one, rows, features) for one in self.noises[name]]
+        return self._seen[number]
 
     def evidence(self, at_zero: np.ndarray, jacobian: np.ndarray, lacking: float = 0.0) -> "Evidence":
         """Weigh a linear model.
@@ -99,42 +134,64 @@ class Data:
         Evidence
             Of the model, right or with something else.
         """
-        vectors = np.column_stack([np.delete(jacobian, self.others, axis=1), at_zero])
-        products = [np.array([one.products(vectors[rows]) for one in seen]) for _, rows, seen in self.blocks]
-        determinants = [np.array([one.log_determinants for one in seen]) for *_, seen in self.blocks]
-        return Evidence(self, products, determinants, lacking)
+        return Evidence(self, np.column_stack([np.delete(jacobian, self.others, axis=1), at_zero]), lacking)
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """One block under one noise.
+class _Whitening:
+    """One quantity under one noise.
 
-    whitening: of its vectors (n, n); directions: of the discrepancy in it (n, k); explained: fraction of the variance
-    along each that is the discrepancy's, by amplitude (T, k); log_determinants: of its covariance (T,).
+    waves: rows (n,) of each of its series, and what whitens them (n, n); log_determinant: of the covariance.
     """
 
-    whitening: np.ndarray
+    waves: list[tuple[np.ndarray, np.ndarray]]
+    log_determinant: float
+
+    @classmethod
+    def under(cls, noise: PossibleNoise, chosen: np.ndarray, sd: np.ndarray, series: list[np.ndarray]) -> "_Whitening":
+        variance, shapes = 1.0 + noise.variance[chosen] / sd**2, noise.shapes[:, chosen] / sd
+        factors = [np.linalg.cholesky(np.diag(variance[own]) + shapes[:, own].T @ shapes[:, own]) for own in series]
+        waves = [
+            (own, solve_triangular(f, np.eye(len(own)), lower=True)) for own, f in zip(series, factors, strict=True)
+        ]
+        return cls(waves, 2.0 * sum(float(np.log(np.diag(factor)).sum()) for factor in factors))
+
+    def whitened(self, vectors: np.ndarray) -> np.ndarray:
+        """Return the vectors (M, m), whitened; zero in the rows of other quantities."""
+        found = np.zeros_like(vectors)
+        for rows, matrix in self.waves:
+            found[rows] = matrix @ vectors[rows]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """An independent part of something else under one noise.
+
+    rows: in which it is (n,); directions: of it (n, k); explained: fraction of the variance along each that is its, by
+    amplitude (T, k); log_determinants: of the covariance, over that without it (T,).
+    """
+
+    rows: np.ndarray
     directions: np.ndarray
     explained: np.ndarray
     log_determinants: np.ndarray
 
     @classmethod
-    def under(cls, noise: PossibleNoise, rows: np.ndarray, sd: np.ndarray, features: np.ndarray) -> "_Seen":
-        shapes = noise.shapes[:, rows] / sd
-        factor = np.linalg.cholesky(np.diag(1.0 + noise.variance[rows] / sd**2) + shapes.T @ shapes)
-        whitening = solve_triangular(factor, np.eye(len(rows)), lower=True)
-        whitened = whitening @ features
-        squares, directions = np.linalg.eigh(whitened @ whitened.T)
-        kept = squares > 1e-9 * max(float(squares[-1]), 1e-300)
+    def under(cls, noise: _Whitening, rows: np.ndarray, features: np.ndarray) -> "_Part":
+        everywhere = np.zeros((max(int(own.max()) for own, _ in noise.waves) + 1, features.shape[1]))
+        everywhere[rows] = features
+        whitened = noise.whitened(everywhere)[rows]
+        squares, vectors = np.linalg.eigh(whitened.T @ whitened)
+        kept = squares > 1e-9 * max(float(squares.max(initial=0.0)), 1e-300)
         spread = np.multiply.outer(AMPLITUDES**2, squares[kept])
-        determinants = 2.0 * np.log(np.diag(factor)).sum() + np.log1p(spread).sum(axis=1)
-        return cls(whitening, directions[:, kept], spread / (1.0 + spread), determinants)
+        directions = whitened @ vectors[:, kept] / np.sqrt(squares[kept])
+        return cls(rows, directions, spread / (1.0 + spread), np.log1p(spread).sum(axis=1))
 
-    def products(self, vectors: np.ndarray) -> np.ndarray:
-        """Return the inner products of vectors (n, m) with respect to the covariance of each amplitude: (T, m, m)."""
-        whitened = self.whitening @ vectors
-        parts = self.directions.T @ whitened
-        return whitened.T @ whitened - np.array([(parts.T * share) @ parts for share in self.explained])
+    def change(self, whitened: np.ndarray) -> np.ndarray:
+        """Return by how much it changes the inner products of whitened vectors (M, m), by amplitude: (T, m, m)."""
+        along = self.directions.T @ whitened[self.rows]
+        return -np.array([(along.T * share) @ along for share in self.explained])
 
 
 class Evidence:
@@ -144,15 +201,15 @@ class Evidence:
     ----------
     data
         The data.
-    products, determinants
-        Of each block: inner products (noises, T, m, m) of sensitivities and, last, residual, and log determinants
-        (noises, T) of the covariance.
+    vectors
+        Sensitivities and, last, residual, whitened by the problem's own noise: (M, m).
     lacking
         See `Data.evidence`.
     """
 
-    def __init__(self, data: Data, products: list[np.ndarray], determinants: list[np.ndarray], lacking: float):
-        self._data, self._products, self._determinants, self._lacking = data, products, determinants, lacking
+    def __init__(self, data: Data, vectors: np.ndarray, lacking: float):
+        self._data, self._lacking = data, lacking
+        self._whitened = {name: [one.whitened(vectors) for one in noises] for name, noises in data.noises.items()}
 
     @cached_property
     def right(self) -> float:
@@ -162,7 +219,7 @@ class Evidence:
     @cached_property
     def _right(self) -> np.ndarray:
         """The same under every combination of the quantities' noises, with its prior."""
-        return self._by_noise(range(len(self._products)), RIGHT)
+        return self._by_noise(self._data.forms[0]["", "", ""], RIGHT)
 
     @property
     def noises(self) -> dict[str, int]:
@@ -177,42 +234,44 @@ class Evidence:
         return float(logsumexp(list(self.shown.values())))
 
     @cached_property
-    def shown(self) -> dict[tuple[str, str], float]:
-        """Of the model together with something else that shows in this quantity at this place, times its prior."""
-        forms = self._data.where
-        return {
-            where: float(logsumexp(self._by_noise(numbers, UNKNOWN))) - np.log(len(forms) * len(form))
-            for form in forms
-            for where, numbers in form.items()
-        }
+    def shown(self) -> dict[Where, float]:
+        """Of the model together with something else that shows in these data alone, times its prior."""
+        forms, found = self._data.forms, dict[Where, float]()
+        for form in forms:
+            for where, parts in form.items():
+                own = float(logsumexp(self._by_noise(parts, UNKNOWN))) - np.log(len(forms) * len(form))
+                found[where] = float(np.logaddexp(found.get(where, -np.inf), own))
+        return found
 
-    def _by_noise(self, numbers: Sequence[int], prior: np.ndarray) -> np.ndarray:
-        """Return the evidence with an amplitude in some blocks, none in the others, of every combination of noises.
+    def _by_noise(self, parts: Sequence[int], prior: np.ndarray) -> np.ndarray:
+        """Return the evidence with an amplitude in some parts, none in the others, of every combination of noises.
 
         prior: log prior of amplitudes (T,).
         """
         possible = np.flatnonzero(np.isfinite(prior))
-        changes = [
-            self._summed(numbers, [parts[number][:, possible] - parts[number][:, :1] for number in numbers])
-            for parts in (self._products, self._determinants)
-        ]
-        evidence = _log_evidence(*(none + change for none, change in zip(self._undisturbed, changes, strict=True)))
+        products, determinants = self._undisturbed
+        for number in parts:
+            name, seen = self._data.part(number)
+            changes = [one.change(own) for one, own in zip(seen, self._whitened[name], strict=True)]
+            products = products + self._spread(name, np.array(changes)[:, possible])
+            determinants = determinants + self._spread(name, np.array([one.log_determinants[possible] for one in seen]))
+        evidence = _log_evidence(products, determinants)
         return np.asarray(logsumexp(evidence + prior[possible], axis=-1) + self._data.log_priors - self._lacking)
 
     @cached_property
-    def _undisturbed(self) -> list[np.ndarray]:
-        """Sums of products and of determinants over all blocks without an amplitude."""
-        parts = (self._products, self._determinants)
-        return [self._summed(range(len(own)), [block[:, :1] for block in own]) for own in parts]
+    def _undisturbed(self) -> tuple[np.ndarray, np.ndarray]:
+        """Inner products (..., 1, m, m) and log determinants (..., 1) without an amplitude, by noises."""
+        products: np.ndarray | float = 0.0
+        determinants: np.ndarray | float = 0.0
+        for name, noises in self._data.noises.items():
+            products = products + self._spread(name, np.array([[own.T @ own] for own in self._whitened[name]]))
+            determinants = determinants + self._spread(name, np.array([[one.log_determinant] for one in noises]))
+        return np.asarray(products), np.asarray(determinants)
 
-    def _summed(self, numbers: Sequence[int], parts: list[np.ndarray]) -> np.ndarray:
-        """Return the sum of parts (noises, T, ...) of blocks under every combination of the quantities' noises."""
-        names = self._data.names
-        total: np.ndarray | float = 0.0
-        for number, own in zip(numbers, parts, strict=True):
-            axes = [len(own) if one == self._data.blocks[number][0] else 1 for one in names]
-            total = total + own.reshape(*axes, *own.shape[1:])
-        return np.asarray(total)
+    def _spread(self, name: str, own: np.ndarray) -> np.ndarray:
+        """Return numbers (noises, ...) of a quantity with an axis for the noises of each quantity."""
+        axes = [len(own) if one == name else 1 for one in self._data.names]
+        return own.reshape(*axes, *own.shape[1:])
 
 
 def _log_evidence(products: np.ndarray, determinants: np.ndarray) -> np.ndarray:

@@ -29,13 +29,15 @@ def phase_of(series: Measured) -> np.ndarray | None:
     return None
 
 
-def features(problem: "Problem") -> np.ndarray:
+def features(problem: "Problem", common: bool = False) -> np.ndarray:
     """Return features (N, k) of unit amplitude, whitened, of all data; their weights are standard normal a priori.
 
     Parameters
     ----------
     problem
         Measurements.
+    common
+        Whether all places of a quantity have the same, each as a fraction of its size; else they are independent.
 
     Returns
     -------
@@ -44,7 +46,6 @@ def features(problem: "Problem") -> np.ndarray:
     """
     forward = problem.forward
     each = [(s.quantity, s.location, s.statistic) for s in forward.measured]
-    keys = list(dict.fromkeys(each))
     conditions = list(dict.fromkeys(s.condition for s in forward.measured))
     size: dict[tuple, float] = {}
     # Held-out values do not determine the amplitude unless nothing else was measured.
@@ -54,8 +55,10 @@ def features(problem: "Problem") -> np.ndarray:
             if forward.conditions[series.condition].held_out is held_out and key not in known:
                 size[key] = max(size.get(key, 0.0), float(np.abs(series.value).max()))
     waves = 2 * HARMONICS + 1
-    blocks = np.zeros((len(problem.y), len(keys), len(conditions) + 1, waves))
-    for key, series, rows in zip(each, forward.measured, forward.rows, strict=True):
+    shared = [(s.quantity, s.time is None) for s in forward.measured] if common else each
+    own = list(dict.fromkeys(shared))
+    blocks = np.zeros((len(problem.y), len(own), len(conditions) + 1, waves))
+    for key, place, series, rows in zip(each, shared, forward.measured, forward.rows, strict=True):
         columns = np.zeros((series.value.size, waves))
         columns[:, 0] = 1.0
         phase = phase_of(series)
@@ -65,8 +68,8 @@ def features(problem: "Problem") -> np.ndarray:
                 columns[:, 2 * h - 1] = np.cos(angle) / (1 + h**2)
                 columns[:, 2 * h] = np.sin(angle) / (1 + h**2)
         scaled = columns * size[key] / problem.sd[rows, None] * np.sqrt(0.5)
-        blocks[rows, keys.index(key), 0] = scaled
-        blocks[rows, keys.index(key), 1 + conditions.index(series.condition)] = scaled
+        for part in (0, 1 + conditions.index(series.condition)):
+            blocks[rows, own.index(place), part] = scaled
     matrix = blocks.reshape(len(problem.y), -1)
     return matrix[:, np.abs(matrix).max(axis=0) > 0]
 

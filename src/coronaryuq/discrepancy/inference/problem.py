@@ -88,7 +88,7 @@ class Problem:
     @cached_property
     def all_data(self) -> Data:
         """All data under each noise that they may have."""
-        return Data(self, gp_discrepancy.features(self), np.ones(len(self.y), dtype=bool))
+        return Data(self, np.ones(len(self.y), dtype=bool))
 
     @property
     def unresolved(self) -> bool:

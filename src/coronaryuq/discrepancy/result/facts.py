@@ -40,7 +40,9 @@ def facts(discovery: Discovery) -> dict:
             "probabilities": answer.probabilities,
             "forms_of_something_else": answer.forms,
             "leading_form": answer.leading_form,
-            "shows_in": [{"quantity": q, "location": at, "probability": p} for (q, at), p in answer.shown.items()],
+            "shows_in": [
+                dict(zip((*WHERE, "probability"), (*where, p), strict=True)) for where, p in answer.shown.items()
+            ],
             "device": answer.device,
             "support_nats": answer.support,
         },

@@ -146,15 +146,23 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
 
 
 def _shown(forms: Mapping, source: Mapping | None) -> str:
-    """State at which place alone something else shows, if that is probable, and where an unknown flow may be."""
+    """State in which data alone something else shows, if that is probable, and where an unknown flow may be."""
     likeliest = max(forms["shows_in"], key=lambda one: one["probability"])
-    quantity, place, probability = (likeliest[key] for key in ("quantity", "location", "probability"))
-    if forms["leading_form"] in (VARYING, REROUTED, UNLISTED) or not place or probability < 0.5:
+    quantity, place, condition = likeliest["quantity"], likeliest["location"], likeliest["condition"]
+    if forms["leading_form"] in (VARYING, REROUTED, UNLISTED) or not quantity or likeliest["probability"] < 0.5:
         return _source(source)
-    alone = f" It shows in the {quantity} at {place} alone (probability {probability:.2f}): "
-    if quantity == "flow":
-        return f"{alone}an error of that measurement, or a flow that no other one sees.{_source(source)}"
-    return f"{alone}check that measurement first."
+    if place:
+        data, unseen = f"the {quantity} at {place}", {"flow": "flow", "pressure": "loss of pressure"}.get(quantity)
+        cause = f"an error of that measurement{f', or a {unseen} that no other one sees' if unseen else ''}."
+    elif condition:
+        data, cause = f"the {quantity} waveforms under {condition}", "check how they were recorded, and in which state."
+    else:
+        data, cause = (
+            f"the {quantity} waveforms",
+            "an error that they share, or a cause that hardly changes the others.",
+        )
+    said = f" It shows in {data} alone (probability {likeliest['probability']:.2f}): {cause}"
+    return said + (_source(source) if quantity == "flow" else "")
 
 
 def _source(found: Mapping | None) -> str:

@@ -21,7 +21,7 @@ from scipy.special import logsumexp, softmax
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.cross_validation import linearise
-from coronaryuq.discrepancy.inference.evidence import Evidence
+from coronaryuq.discrepancy.inference.evidence import Evidence, Where
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.flow_conservation import redistribution
@@ -54,8 +54,8 @@ class Answer:
     forms
         Probabilities of the forms of something else, which add up to that of `OTHER`.
     shown
-        Quantity and place (empty: every one) of the data in which something else shows → probability, if it is of the
-        form `ALONE` or `REMAINDER`; they add up to 1.
+        Quantity, place and condition (empty: every one) of the data in which something else shows → probability, if it
+        is of the form `ALONE` or `REMAINDER`; they add up to 1.
     device
         What the device reads whose unlisted response is likeliest; empty where no error of a device was found.
     log_evidence
@@ -72,7 +72,7 @@ class Answer:
 
     probabilities: dict[str, float]
     forms: dict[str, float]
-    shown: dict[tuple[str, str], float]
+    shown: dict[Where, float]
     device: str
     log_evidence: float
     support: float

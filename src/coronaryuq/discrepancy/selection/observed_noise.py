@@ -8,7 +8,6 @@ import numpy as np
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.evidence import Data
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
-from coronaryuq.discrepancy.inference.gp_discrepancy import features
 from coronaryuq.discrepancy.inference.noise import Estimate, differing, most_probable, noise_estimates
 from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers, samples_of
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -59,7 +58,7 @@ def observe(problem: Problem, hypothesis: Hypothesis, fit: Fit) -> Observed:
     stated = {quantity: replace(estimate, noise=None) for quantity, estimate in estimates.items()}
     possible = replace(problem, noises=possible_noises(problem, stated, []))
     used = problem.train & ~samples_of(outliers, problem.forward.measured)
-    data, rows = Data(possible, features(problem), used), used[problem.train]
+    data, rows = Data(possible, used), used[problem.train]
     evidence = data.evidence(fit.at_zero[rows], fit.jacobian[rows])
     nothing, something = without_effects(evidence)
     if nothing > something:
