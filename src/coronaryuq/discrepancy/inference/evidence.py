@@ -17,6 +17,7 @@ measured place and quantity, one per condition of these, or one per quantity. So
 inner products under each noise, every part changes it by one for each amplitude, and every combination is a sum.
 """
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -83,41 +84,30 @@ class Data:
         self.noises = {
             name: [_Whitening.under(noise, chosen, sd, waves[name]) for noise in noises[name]] for name in self.names
         }
-        self._parts: list[tuple[str, np.ndarray, np.ndarray]] = []
-        self._seen: dict[int, tuple[str, list[_Part]]] = {}
         alone, shared = (gp_discrepancy.features(problem, common)[chosen] for common in (False, True))
-        forms: tuple[dict[Where, list[int]], ...] = ({}, {}, {}, {}, {})
         several = {number for number, one in enumerate(series) if one.value.size > 1}
+        everywhere, by_quantity, by_place, by_condition, common = (
+            defaultdict[Where, list[Part]](list) for _ in range(5)
+        )
         blocks = gp_discrepancy.blocks(problem)[chosen]
         for number in np.unique(blocks):
             own = np.flatnonzero(blocks == number)
             name, place = series[owner[own[0]]].quantity, series[owner[own[0]]].location
-            part, waveforms = self._part(name, own, alone), sorted(several.intersection(owner[own].tolist()))
-            for form, where in zip(
-                forms, [("", "", "")] + [(name, "", ""), (name, place, "")] * bool(waveforms), strict=False
-            ):
-                form.setdefault(where, []).append(part)
-            for one in waveforms:
-                forms[3].setdefault((name, "", series[one].condition), []).append(self._part(name, rows[one], alone))
+            whole, waveforms = Part(own, alone[own], name, self.noises[name]), several.intersection(owner[own].tolist())
+            everywhere["", "", ""].append(whole)
+            if waveforms:
+                by_quantity[name, "", ""].append(whole)
+                by_place[name, place, ""].append(whole)
+            for one in sorted(waveforms):
+                part = Part(rows[one], alone[rows[one]], name, self.noises[name])
+                by_condition[name, "", series[one].condition].append(part)
         for name in self.names:
             read = [rows[number] for number in sorted(several & rows.keys()) if series[number].quantity == name]
             if read:
-                forms[4][name, "", ""] = [self._part(name, np.concatenate(read), shared)]
-        self.forms = [form for form in forms if form]
-        """Parts of the data in which something else may be."""
-
-    def _part(self, name: str, rows: np.ndarray, features: np.ndarray) -> int:
-        """Keep an independent part of something else, in rows (n,) of a quantity; return its number."""
-        own = features[rows]
-        self._parts.append((name, rows, own[:, np.abs(own).max(axis=0) > 0.0]))
-        return len(self._parts) - 1
-
-    def part(self, number: int) -> tuple[str, list["_Part"]]:
-        """Return the quantity of a part of something else, and the part under each noise of it."""
-        if number not in self._seen:
-            name, rows, features = self._parts[number]
-            self._seen[number] = name, [_Part.under(one, rows, features) for one in self.noises[name]]
-        return self._seen[number]
+                all_read = np.concatenate(read)
+                common[name, "", ""].append(Part(all_read, shared[all_read], name, self.noises[name]))
+        self.forms = [form for form in (everywhere, by_quantity, by_place, by_condition, common) if form]
+        """Parts of the data in which something else may be, by where it then shows."""
 
     def evidence(self, at_zero: np.ndarray, jacobian: np.ndarray, lacking: float = 0.0) -> "Evidence":
         """Weigh a linear model.
@@ -165,11 +155,30 @@ class _Whitening:
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
-    """An independent part of something else under one noise.
+class Part:
+    """An independent part of something else.
 
-    rows: in which it is (n,); directions: of it (n, k); explained: fraction of the variance along each that is its, by
-    amplitude (T, k); log_determinants: of the covariance, over that without it (T,).
+    rows: in which it is (n,); features: of unit amplitude there (n, k); name, noises: of the quantity that is measured.
+    """
+
+    rows: np.ndarray
+    features: np.ndarray
+    name: str
+    noises: "list[_Whitening]"
+
+    @cached_property
+    def seen(self) -> "list[_Seen]":
+        """The part under each noise."""
+        features = self.features[:, np.any(self.features != 0.0, axis=0)]
+        return [_Seen.under(noise, self.rows, features) for noise in self.noises]
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A part of something else under one noise.
+
+    rows: see `Part`; directions: of it (n, k); explained: fraction of the variance along each that is its, by amplitude
+    (T, k); log_determinants: of the covariance, over that without it (T,).
     """
 
     rows: np.ndarray
@@ -178,7 +187,7 @@ class _Part:
     log_determinants: np.ndarray
 
     @classmethod
-    def under(cls, noise: _Whitening, rows: np.ndarray, features: np.ndarray) -> "_Part":
+    def under(cls, noise: _Whitening, rows: np.ndarray, features: np.ndarray) -> "_Seen":
         everywhere = np.zeros((max(int(own.max()) for own, _ in noise.waves) + 1, features.shape[1]))
         everywhere[rows] = features
         whitened = noise.whitened(everywhere)[rows]
@@ -243,18 +252,18 @@ class Evidence:
                 found[where] = float(np.logaddexp(found.get(where, -np.inf), own))
         return found
 
-    def _by_noise(self, parts: Sequence[int], prior: np.ndarray) -> np.ndarray:
+    def _by_noise(self, parts: Sequence[Part], prior: np.ndarray) -> np.ndarray:
         """Return the evidence with an amplitude in some parts, none in the others, of every combination of noises.
 
         prior: log prior of amplitudes (T,).
         """
         possible = np.flatnonzero(np.isfinite(prior))
         products, determinants = self._undisturbed
-        for number in parts:
-            name, seen = self._data.part(number)
-            changes = [one.change(own) for one, own in zip(seen, self._whitened[name], strict=True)]
-            products = products + self._spread(name, np.array(changes)[:, possible])
-            determinants = determinants + self._spread(name, np.array([one.log_determinants[possible] for one in seen]))
+        for part in parts:
+            changes = [one.change(own) for one, own in zip(part.seen, self._whitened[part.name], strict=True)]
+            found = [one.log_determinants[possible] for one in part.seen]
+            products = products + self._spread(part.name, np.array(changes)[:, possible])
+            determinants = determinants + self._spread(part.name, np.array(found))
         evidence = _log_evidence(products, determinants)
         return np.asarray(logsumexp(evidence + prior[possible], axis=-1) + self._data.log_priors - self._lacking)
 
