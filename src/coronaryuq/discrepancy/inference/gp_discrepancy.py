@@ -37,7 +37,8 @@ def features(problem: "Problem", common: bool = False) -> np.ndarray:
     problem
         Measurements.
     common
-        Whether all places of a quantity have the same, each as a fraction of its size; else they are independent.
+        Whether all places of a quantity share one process, each as a fraction of its size (waveforms one, pullbacks
+        another); otherwise each place has its own.
 
     Returns
     -------
@@ -55,10 +56,10 @@ def features(problem: "Problem", common: bool = False) -> np.ndarray:
             if forward.conditions[series.condition].held_out is held_out and key not in known:
                 size[key] = max(size.get(key, 0.0), float(np.abs(series.value).max()))
     waves = 2 * HARMONICS + 1
-    shared = [(s.quantity, s.time is None) for s in forward.measured] if common else each
-    own = list(dict.fromkeys(shared))
-    blocks = np.zeros((len(problem.y), len(own), len(conditions) + 1, waves))
-    for key, place, series, rows in zip(each, shared, forward.measured, forward.rows, strict=True):
+    processes = [(s.quantity, s.time is None) for s in forward.measured] if common else each
+    distinct = list(dict.fromkeys(processes))
+    blocks = np.zeros((len(problem.y), len(distinct), len(conditions) + 1, waves))
+    for key, process, series, rows in zip(each, processes, forward.measured, forward.rows, strict=True):
         columns = np.zeros((series.value.size, waves))
         columns[:, 0] = 1.0
         phase = phase_of(series)
@@ -69,7 +70,7 @@ def features(problem: "Problem", common: bool = False) -> np.ndarray:
                 columns[:, 2 * h] = np.sin(angle) / (1 + h**2)
         scaled = columns * size[key] / problem.sd[rows, None] * np.sqrt(0.5)
         for part in (0, 1 + conditions.index(series.condition)):
-            blocks[rows, own.index(place), part] = scaled
+            blocks[rows, distinct.index(process), part] = scaled
     matrix = blocks.reshape(len(problem.y), -1)
     return matrix[:, np.abs(matrix).max(axis=0) > 0]
 
