@@ -1,16 +1,16 @@
 """The paragraph of a search says what its answer is."""
 
 from coronaryuq.discrepancy.result import summary_text
-from coronaryuq.discrepancy.selection.answer import ALONE, NAMES, NOTHING, OTHER, UNLISTED
+from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, NAMES, NOTHING, OTHER, UNLISTED
 
 
-def told(form):
+def told(form, wiring_errors=()):
     """What the paragraph says of two errors of one device if the answer is something else."""
     best = [{"effect": name, "place": "a:b", "implausible": False} for name in ("pressure_low_pass", "pressure_delay")]
     gaps = {"before": {"misfit": 1.9}, "after": {"misfit": 1.1}, "scheme": "declared", "conditions": ["x"]}
     answer = {
         "held_out": gaps,
-        "wiring_errors": [],
+        "wiring_errors": wiring_errors,
         "facts": {"best": best, "answer": form},
         "held_out_conditions": ["x"],
     }
@@ -24,6 +24,21 @@ def test_the_device_of_an_unlisted_response_is_told():
         "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
         "of a shape that the library does not list, is likelier. No effect is named. "
     )
+
+
+def test_a_wiring_error_is_told_as_what_is_wrong_in_the_model():
+    form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": MISWIRED}
+    form["forms_of_something_else"] = {MISWIRED: 0.97}
+    branch = {"error": "misattached_branch", "place": "om from lm"}
+    assert told(form, [branch]) == (
+        "The measurements indicate a wiring error of the model (probability 0.97): om arises from the end of lm. No "
+        "effect is named; check the model, and search again. Pressure low pass at a:b and pressure delay at a:b may "
+        "instead be present."
+    )
+    outlets = {"error": "exchanged_outlets", "place": "B_a~B_b"}
+    assert ": the outlets B_a and B_b are exchanged and om arises from" in told(form, [outlets, branch])
+    found = {"error": "pressure_delay", "place": "a:b"}
+    assert told(form, [found]).endswith(" Pressure low pass at a:b may also be present.")
 
 
 SOURCE = {"vessel": "lad", "nodes": [{"vessel": "lad", "nats": 12.0}], "laws": {"free": 0.9}, "law": "free"}

@@ -1,5 +1,6 @@
 """The answer: names, something else, or nothing, with probabilities that are frequencies."""
 
+import types
 from unittest import mock
 
 import numpy as np
@@ -12,7 +13,7 @@ from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all
 from coronaryuq.discrepancy.inference.evidence import Data
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
-from coronaryuq.discrepancy.selection.answer import ALONE, NAMES, NOTHING, OTHER, REMAINDER, VARYING, answer
+from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, NAMES, NOTHING, OTHER, REMAINDER, VARYING, answer
 from support.hypotheses import assume
 from support.linear_problem import here, linear_problem
 
@@ -37,7 +38,7 @@ def problem_of(change, seed=0, effect=FOUND, held_out=()):
     return problem
 
 
-def weighed(problem, effect=FOUND):
+def weighed(problem, effect=FOUND, rivals=types.MappingProxyType({})):
     """Weigh one effect; the features are those of data as large as `SCALE`."""
     own = gp_discrepancy.features
 
@@ -50,7 +51,7 @@ def weighed(problem, effect=FOUND):
         problem.__dict__["all_data"] = Data(problem, np.ones(len(problem.y), dtype=bool))
     hypothesis = assume(effect)
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
-    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [PRIOR], POSSIBLE)
+    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [PRIOR], POSSIBLE, rivals)
 
 
 @pytest.mark.parametrize("change", [RESPONSE, *(size * np.cos(4.0 * np.pi * PHASE) for size in (100.0, 250.0, 600.0))])
@@ -94,7 +95,16 @@ def test_an_implausible_size_is_not_named_however_well_it_explains(size, given):
 def test_a_wiring_error_is_not_named():
     effect = here("exchanged", nameable=False)
     found = weighed(problem_of(2.0 * RESPONSE, effect=effect), effect)
-    assert found.given == OTHER and list(found.wiring_errors) == [effect]
+    assert found.given == OTHER and list(found.wiring_errors) == [effect] and found.leading_form == MISWIRED
+
+
+@pytest.mark.parametrize(("log_odds", "given"), [(2.0, OTHER), (-2.0, NAMES)])
+def test_a_wiring_error_that_explains_the_same_takes_its_share(log_odds, given):
+    rival = here("exchanged", nameable=False)
+    found = weighed(problem_of(2.0 * RESPONSE), rivals={rival: log_odds})
+    assert found.given == given and found.wiring_errors == ([rival] if given == OTHER else [])
+    odds = found.forms[MISWIRED] / found.probabilities[NAMES]
+    assert np.log(odds) == pytest.approx(log_odds)
 
 
 def test_held_out_data_count():

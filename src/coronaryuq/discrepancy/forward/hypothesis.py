@@ -8,7 +8,7 @@ import numpy as np
 
 from coronaryuq.zerod.effects.base import Effect, Parameter
 
-APART = ("collateral", "distal_collateral", "side_branch")
+APART = ("collateral", "distal_collateral", "side_branch", "misattached_branch")
 """Effects of which at most `MANY` share a network, without others."""
 MANY = 20
 """Collaterals between all pairs of outlets would couple all vessels, and a bed more at every vessel slow all runs."""

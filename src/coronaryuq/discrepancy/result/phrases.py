@@ -198,6 +198,13 @@ def label_text(effect: Mapping) -> str:
     return f"{effect['effect'].replace('_', ' ')} at {effect['place']}"
 
 
+def wiring_text(error: str, place: str) -> str:
+    """State a wiring error of the model."""
+    if error == "misattached_branch":
+        return "{} arises from the end of {}".format(*place.split(" from "))
+    return f"the outlets {' and '.join(place.split('~'))} are exchanged"
+
+
 def p_text(p: float) -> str:
     """Format a p-value, including one too small for a float."""
     return f"p = {p:.2g}" if p > 0.0 else "p below 1e-300"

@@ -27,9 +27,9 @@ from coronaryuq.discrepancy.result.phrases import (
     size_text,
     sizes_by_condition,
     varying_text,
+    wiring_text,
 )
-from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, REROUTED, UNLISTED, VARYING
-from coronaryuq.discrepancy.selection.flow_conservation import PROBE
+from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OTHER, UNLISTED, VARYING
 
 STAND_IN = "it may be a surrogate for a mechanism outside the library. "
 EACH = "each condition, held out in turn,"
@@ -105,28 +105,14 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         f"With {'it' if one else 'them'}, the misfit on {_held_out_text(answer)} "
         f"{misfit_change(gaps['before']['misfit'], gaps['after']['misfit'])}."
     )
-    if answer["wiring_errors"]:
-        errors = {(error["error"], error["place"]) for error in answer["wiring_errors"]}
-        pairs = ", ".join(error["place"].replace("~", " and ") for error in answer["wiring_errors"])
-        others = [label_text(effect) for effect in best if (effect["effect"], effect["place"]) not in errors]
-        text = (
-            f"The measurements indicate a wiring error of the model, exchanged outlets: {pairs}. No effect is named; "
-            "check whether each bed is attached to the correct vessel, and search again."
-        )
-        return text + (f" {capitalised(listed(others))} may also be present." if others else "")
+    if forms["leading_form"] == MISWIRED:
+        return _miswired(answer)
     implausible = [effect for effect in best if effect["implausible"]]
     if implausible:
         sizes = listed([f"{label_text(effect)} ({size_text(effect['sizes'])})" for effect in implausible])
         reason = (
             f"{candidate} {'is' if one else 'are'} {labels}, but with an implausibly large size, more than "
             f"{RULE.implausible:.0f} standard deviations of its prior: {sizes}. No effect is named. {change}"
-        )
-    elif forms["leading_form"] == REROUTED:
-        places = " and ".join(effect["place"] for effect in best if effect["effect"] == PROBE)
-        reason = (
-            f"gain errors of the flow probes at {places} would explain it, but their errors cancel. Flow rerouted "
-            "between the branches, e.g. by swapped outlets, explains the same with a single cause, which the library "
-            "does not contain. No effect is named."
         )
     elif forms["leading_form"] == VARYING and any(effect["varying"] for effect in best):
         reason = f"{varying_text(best)}. No effect is named. {change}"
@@ -145,11 +131,24 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     return f"{start}: {reason}"
 
 
+def _miswired(answer: Mapping) -> str:
+    """State the wiring errors that were found, or that are likelier than the effects found."""
+    best, forms = answer["facts"]["best"], answer["facts"]["answer"]["forms_of_something_else"]
+    errors = [(error["error"], error["place"]) for error in answer["wiring_errors"]]
+    others = [label_text(effect) for effect in best if (effect["effect"], effect["place"]) not in errors]
+    text = (
+        f"The measurements indicate a wiring error of the model (probability {forms[MISWIRED]:.2f}): "
+        f"{listed([wiring_text(*error) for error in errors])}. No effect is named; check the model, and search again."
+    )
+    besides = "also" if len(others) < len(best) else "instead"
+    return text + (f" {capitalised(listed(others))} may {besides} be present." if others else "")
+
+
 def _shown(forms: Mapping, source: Mapping | None) -> str:
     """State in which data alone something else shows, if that is probable, and where an unknown flow may be."""
     likeliest = max(forms["shows_in"], key=lambda one: one["probability"])
     quantity, place, condition = likeliest["quantity"], likeliest["location"], likeliest["condition"]
-    if forms["leading_form"] in (VARYING, REROUTED, UNLISTED) or not quantity or likeliest["probability"] < 0.5:
+    if forms["leading_form"] in (VARYING, MISWIRED, UNLISTED) or not quantity or likeliest["probability"] < 0.5:
         return _source(source)
     if place:
         data, unseen = f"the {quantity} at {place}", {"flow": "flow", "pressure": "loss of pressure"}.get(quantity)

@@ -6,13 +6,13 @@ Hypotheses, with their prior probabilities, and the evidence of all data (`flexi
 - the effects found are what is missing: the model with them is right, within its own error;
 - something else is missing: the recalibrated model and an unknown error of any size; or, because something else may
   resemble effects of the library, the model with these and such an error, or with a size that differs between
-  conditions, or with flow on another path in place of errors of flow probes, or with a response of a device that is not
+  conditions, or with a wiring error of the model in place of an effect, or with a response of a device that is not
   listed in place of the errors found on that device.
 
 The most probable answer is given, with its probability: what a wrong one costs, only its reader knows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,6 @@ from coronaryuq.discrepancy.inference.cross_validation import linearise
 from coronaryuq.discrepancy.inference.evidence import Evidence, Where
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.selection.flow_conservation import redistribution
 from coronaryuq.discrepancy.selection.size_constancy import Constancy, constancy
 from coronaryuq.discrepancy.selection.unlisted_response import (
     log_prior_of_errors,
@@ -35,7 +34,7 @@ from coronaryuq.zerod.effects.base import Effect
 
 NOTHING, NAMES, OTHER = "nothing", "names", "something else"
 ALONE, REMAINDER, VARYING = "alone", "remainder", "varying size"
-REROUTED, UNLISTED = "flow on another path", "unlisted response of a device"
+MISWIRED, UNLISTED = "wiring error of the model", "unlisted response of a device"
 """Forms of something else."""
 OUTSIDE = np.log(RULE.prior_outside / RULE.prior_named)
 """Log prior odds that something else resembles a model's effects rather than that the effects are right."""
@@ -63,7 +62,7 @@ class Answer:
     support
         Log evidence of all data that the effects found add to something else of any size; 0 without effects.
     wiring_errors
-        Effects found that are wiring errors of the model, which are not named.
+        Wiring errors of the model that were found, or that are likelier than the effects found; they are not named.
     implausible
         Effects found with a size beyond `DecisionRule.implausible`, where the prior ends.
     constancies
@@ -111,6 +110,7 @@ def answer(
     hypothesis: Hypothesis,
     log_priors: Sequence[float],
     possible: Sequence[Effect],
+    rivals: Mapping[PlacedEffect, float],
 ) -> Answer:
     """Weigh the answers by all data.
 
@@ -124,6 +124,8 @@ def answer(
         Log prior of the class of each effect.
     possible
         Effects of the library that are possible here.
+    rivals
+        Wiring errors that the data cannot distinguish from an effect found → log odds against its class.
 
     Returns
     -------
@@ -144,17 +146,19 @@ def answer(
         other[REMAINDER] = prior + OUTSIDE + found.unknown
         seen = found if other[REMAINDER] > alone else plain
         other[VARYING] = right + OUTSIDE + VARIES + float(logsumexp([entry.log_odds for entry in constancies]))
-        other[REROUTED] = right + redistribution(problem, fit, hypothesis, log_priors, len(possible))
+        other[MISWIRED] = right + float(logsumexp([0.0 if wiring else -np.inf, *rivals.values()]))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
         other[UNLISTED] = float(logsumexp([-np.inf, *responses.values()])) - lacking
         if responses:
             # Elsewhere the flexible error stands for these, too.
             other[ALONE] += np.log1p(-share_of_responses(possible))
         device = max(responses, key=lambda reads: responses[reads], default="")
-        if not (wiring or implausible):
-            named = right
-        else:
+        if implausible and not wiring:
             other[ALONE] = float(np.logaddexp(other[ALONE], right))
+        elif not wiring:
+            named = right
+        if not wiring and other[MISWIRED] > right:
+            wiring = [max(rivals, key=lambda placed: rivals[placed])]
     shares = softmax([nothing, named, *other.values()]).tolist()
     forms = dict(zip(other, shares[2:], strict=True))
     probabilities = {NOTHING: shares[0], NAMES: shares[1], OTHER: min(sum(shares[2:]), 1.0)}

@@ -116,6 +116,14 @@ class Round:
         return self.accepted
 
     @property
+    def wiring_errors(self) -> dict[PlacedEffect, float]:
+        """Wiring errors that data cannot distinguish from the accepted effect → log odds against its class."""
+        if not self.named.effect.nameable:
+            return {}
+        own = class_log_weight(self.named, self.members)
+        return {c.placed: c.log_weight - own for c in self.members if not c.effect.nameable}
+
+    @property
     def class_log_prior(self) -> float:
         """Log prior of the accepted effect if it represented all of its class."""
         return class_log_weight(self.named, self.members) - self.named.fitted.evidence

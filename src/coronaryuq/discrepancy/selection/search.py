@@ -28,7 +28,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
 from coronaryuq.discrepancy.inference.noise import most_probable
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.selection.answer import ALONE, OTHER, answer, beyond, without_effects
+from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, OTHER, answer, beyond, without_effects
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import (
     Candidate,
@@ -148,18 +148,19 @@ def _search(
     else:
         state, _ = _check(state, library, report)
     gaps, p = _held_out(base_problem, base, state, folds, seed)
-    priors = {entry.named.placed: entry.class_log_prior for entry in state.rounds if entry.accepted is not None}
+    accepted = {entry.named.placed: entry for entry in state.rounds if entry.accepted is not None}
     weighed = answer(
         state.problem,
         plain,
         state.fit,
         state.hypothesis,
-        [priors[placed] for placed in state.hypothesis],
+        [accepted[placed].class_log_prior for placed in state.hypothesis],
         list({candidate.effect.name: candidate.effect for candidate in start.candidates}.values()),
+        {error: odds for placed in state.hypothesis for error, odds in accepted[placed].wiring_errors.items()},
     )
     nodes: list[tuple[str, float]] = []
     source: UnknownSource | None = None
-    if weighed.given == OTHER:
+    if weighed.given == OTHER and weighed.leading_form != MISWIRED:
         # Where the effects found are taken to be something else themselves, the source stands in for them.
         alone = weighed.leading_form == ALONE
         seen = (base_problem, base.z, PLAIN) if alone else (state.problem, state.fit.z, state.hypothesis)

@@ -85,13 +85,13 @@ def into_bed(location: str, bed: str) -> str:
     return location if end == bed else f"{end.removeprefix('J_')}:{bed}"
 
 
-def put_ahead(network: Network, vessel: str, tag: str) -> Network:
-    """Return the network with a lossless vessel `VESSEL_TAG` between a vessel and its feeder.
+def put_ahead(network: Network, vessel: str, tag: str, stem: str = "") -> Network:
+    """Return the network with a lossless vessel between a vessel and its feeder; stem: `VESSEL_TAG` if not given.
 
     The location where the vessel began, `FEEDER:VESSEL`, becomes `FEEDER:VESSEL_TAG`.
     """
     network = network.deep_copy()
-    stem = f"{vessel}_{tag}"
+    stem = stem or f"{vessel}_{tag}"
     stub = grafted_name(network, stem)
     below = network.vessel(vessel)
     inlet = below.get("boundary_conditions", {}).pop("inlet", None)

@@ -40,7 +40,7 @@ from coronaryuq.zerod.effects.stenosis import FocalStenosis, QuadraticStenosis, 
 from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance, ViscoelasticWall
 from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis, MitralStenosis, PulmonaryStenosis
 from coronaryuq.zerod.effects.viscosity import Haematocrit
-from coronaryuq.zerod.effects.wiring import ExchangedOutlets
+from coronaryuq.zerod.effects.wiring import ExchangedOutlets, MisattachedBranch
 
 LIBRARY: tuple[Effect, ...] = (
     QuadraticStenosis(),
@@ -95,7 +95,7 @@ LIBRARY: tuple[Effect, ...] = (
     DriveGain(),
 )
 
-WIRING_ERRORS: tuple[Effect, ...] = (ExchangedOutlets(),)
+WIRING_ERRORS: tuple[Effect, ...] = (ExchangedOutlets(), MisattachedBranch())
 """Wiring errors of the model that the data may reveal: searched like effects, but never named as such."""
 
 SEARCHED = (*LIBRARY, *WIRING_ERRORS)

@@ -52,5 +52,6 @@ EFFECTS = (
     "wire_drift",
     "drive_gain",
     "exchanged_outlets",
+    "misattached_branch",
 )
 """`library.SEARCHED` has one class for each name (tested)."""
