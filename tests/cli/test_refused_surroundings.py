@@ -22,7 +22,7 @@ def command(*words, cwd=None, program=(sys.executable, "-m", "coronaryuq.cli.mai
     return subprocess.run([*program, *map(str, words)], cwd=cwd, env=given, capture_output=True, text=True, timeout=60)
 
 
-@pytest.mark.parametrize("count", ["0", "-1", "many", ""])
+@pytest.mark.parametrize("count", ["-1", "many", *(pytest.param(other, marks=pytest.mark.long) for other in ("0", ""))])
 def test_a_number_of_numba_threads_that_is_none_is_not_believed(case, count):
     done = command("check", case, NUMBA_NUM_THREADS=count)
     assert done.returncode == 0 and "Traceback" not in done.stderr, done.stderr

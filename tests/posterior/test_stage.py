@@ -175,7 +175,7 @@ def test_samples_extend_without_changing(campaign, tmp_path):
     ("kind", "before", "after", "length"),
     [
         (DELAYED, None, None, 1),
-        (SMALL, None, 2, 2),
+        pytest.param(SMALL, None, 2, 2, marks=pytest.mark.long),
         pytest.param(SMALL, 3, 2, 1, marks=pytest.mark.long),
         pytest.param(DELAYED, 3, 1, 2, marks=pytest.mark.long),
     ],
@@ -261,7 +261,12 @@ def test_checkpoint_of_other_inputs_is_not_continued(campaign, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("settings", "ranks"), [(SMALL, 2), (DELAYED, 3), pytest.param(SMALL, 24, marks=pytest.mark.long)]
+    ("settings", "ranks"),
+    [
+        (DELAYED, 3),
+        pytest.param(SMALL, 2, marks=pytest.mark.long),
+        pytest.param(SMALL, 24, marks=pytest.mark.long),
+    ],
 )
 def test_same_bits_for_any_number_of_ranks(campaign, tmp_path, settings, ranks):
     alone = sampled(campaign, tmp_path / "alone", settings)

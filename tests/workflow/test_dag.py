@@ -178,7 +178,12 @@ def test_a_changed_setting_makes_stale_what_depends_on_it(finished, block, value
             {"estimation_train", "zerod_resampled"},
             marks=pytest.mark.long,
         ),
-        ("estimation/analysis/tables.py", {"estimation"}, {"estimation_train", "zerod_resampled"}),
+        pytest.param(
+            "estimation/analysis/tables.py",
+            {"estimation"},
+            {"estimation_train", "zerod_resampled"},
+            marks=pytest.mark.long,
+        ),
         pytest.param("report/page.py", {"report"}, {"figure", "estimation"}, marks=pytest.mark.long),
         pytest.param("report/style.css", {"report"}, {"figure", "estimation"}, marks=pytest.mark.long),
         ("figures/style.py", {"figure"}, {"estimation", "flow3d_batch"}),

@@ -59,7 +59,7 @@ def test_a_campaign_starts_without_home_and_name(places):
     assert list(places[1].glob("*/**/*.nbi")), "kernels are kept in the temporary folder"
 
 
-@pytest.mark.parametrize("home", [{}, {"HOME": "/"}, {"HOME": "/proc/nowhere"}])
+@pytest.mark.parametrize("home", [{}, pytest.param({"HOME": "/"}, marks=pytest.mark.long), {"HOME": "/proc/nowhere"}])
 def test_commands_need_no_home(places, home):
     checked = run(places, "check", str(ROOT / "config" / "smoke.yaml"), **home)
     assert checked.returncode == 0 and "Traceback" not in checked.stderr, checked.stderr

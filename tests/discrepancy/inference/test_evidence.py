@@ -168,7 +168,7 @@ def test_an_effect_is_named_where_noise_lasts_longer_than_it_seems(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("effect", ["channel_crosstalk", "quantised_recording"])
+@pytest.mark.parametrize("effect", [pytest.param("channel_crosstalk", marks=pytest.mark.long), "quantised_recording"])
 def test_something_else_at_one_place_is_seen_there_among_the_undisturbed(tmp_path, monkeypatch, effect):
     drawn = []
     one_of = recordings_outside.one_of
@@ -180,8 +180,8 @@ def test_something_else_at_one_place_is_seen_there_among_the_undisturbed(tmp_pat
     assert shown[:2] in drawn and not shown[2] and answer.shown[shown] > 0.95
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [0.2, pytest.param(0.4, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("size", [0.2, 0.4])
 def test_an_error_that_all_probes_share_under_one_condition_is_no_lasting_noise(tmp_path, size):
     """All flows rise over the beat in hyperaemia, about the right means: a recording whose gain drifts."""
     hide(Case((), "none", "nominal", 7000), open_loop(), tmp_path, NATURE)

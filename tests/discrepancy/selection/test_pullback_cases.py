@@ -15,7 +15,7 @@ DRIFT = "wire_drift at left_main>lad under hyperaemia"
 PROGRAMS = ["own", pytest.param("svzerod", marks=pytest.mark.skipif(installed() is None, reason="no svZeroDSolver"))]
 
 
-CENTRES = [2.6, pytest.param(5.0, marks=pytest.mark.long), 8.2]
+CENTRES = [2.6, *(pytest.param(centre, marks=pytest.mark.long) for centre in (5.0, 8.2))]
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
@@ -57,7 +57,7 @@ def test_smallest_and_largest_pressures_show_a_stenosis_too(statistic):
     assert answers(hidden, Wire(statistic=statistic), range(2, 3)) == {"focal_stenosis at lad_seg1": 1}
 
 
-@pytest.mark.parametrize("wire", [Wire(), Wire("ratio", checked=True)])
+@pytest.mark.parametrize("wire", [pytest.param(Wire(), marks=pytest.mark.long), Wire("ratio", checked=True)])
 def test_where_nothing_is_hidden_nothing_is_named(wire):
     assert answers(Hidden(), wire, range(1, 4)) == {"nothing": 3}
 

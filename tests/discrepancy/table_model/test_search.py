@@ -94,7 +94,7 @@ def test_permuted_rows_raise_a_doubt(noisy, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.2, 0.35])
+@pytest.mark.parametrize("share", [0.2, pytest.param(0.35, marks=pytest.mark.long)])
 def test_a_model_with_too_large_a_loss_lacks_no_effect(tmp_path, share):
     """The model's loss is 3; the measurements have a fraction of it."""
     answer = discover_pairs(*noisy_pairs(tmp_path, 5, linear=3.0 * (share - 1.0)), tmp_path / "out", 1)
@@ -116,7 +116,7 @@ def test_a_loss_beyond_recalibration_raises_an_alarm(tmp_path):
     assert answer["alarm"] and not answer["outside_library"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stenosis_with_an_offset_is_not_mistaken_for_too_large_a_loss(tmp_path):
     answer = discover_pairs(*noisy_pairs(tmp_path, 8, quadratic=1.5, offset=3.0), tmp_path / "out", 1)
     assert "quadratic_stenosis" in [one["effect"] for one in answer["named"]]

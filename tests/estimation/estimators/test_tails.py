@@ -98,7 +98,7 @@ def test_the_variance_holds_its_claim():
     check([tails.variance(d, y, p) for d, y, p in linear_trials()], VARIANCE)
 
 
-@pytest.mark.parametrize("zone", [0, 1, 2])
+@pytest.mark.parametrize("zone", [0, *(pytest.param(zone, marks=pytest.mark.long) for zone in (1, 2))])
 def test_probabilities_of_zones_hold_their_claims(zone):
     limits = (-0.4, 0.8)
     truth = np.diff([0.0, *norm.cdf(np.array(limits) / np.sqrt(VARIANCE)), 1.0])[zone]

@@ -24,10 +24,10 @@ def run(log_density, start, generations, seed=1, *, screen=None, every=1, box=No
     ("d", "chains", "generations", "options"),
     [
         (1, 12, 3000, {}),
-        (10, 24, 5000, {}),
+        pytest.param(10, 24, 5000, {}, marks=pytest.mark.long),
         (10, 24, 5000, {"snooker": 0.2}),
         (10, 24, 4000, {"adapt_crossovers": False, "crossovers": 1, "unit_jump": 0.0}),
-        (40, 40, 4000, {}),
+        pytest.param(40, 40, 4000, {}, marks=pytest.mark.long),
         pytest.param(100, 100, 60_000, {}, marks=pytest.mark.long),
     ],
 )
@@ -87,7 +87,9 @@ def test_bimodal_target_keeps_the_weights():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("boundary", ["reflect", "fold", "reject"])
+@pytest.mark.parametrize(
+    "boundary", ["reflect", *(pytest.param(other, marks=pytest.mark.long) for other in ("fold", "reject"))]
+)
 def test_box(boundary):
     """An exponential on [0, 2] x [0, 1]: walls keep the stationary distribution."""
     box = np.array([[0.0, 0.0], [2.0, 1.0]])
@@ -104,7 +106,7 @@ def test_box(boundary):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("every", [1, 15])
+@pytest.mark.parametrize("every", [1, pytest.param(15, marks=pytest.mark.long)])
 def test_a_wrong_emulator_costs_time_and_no_correctness(every):
     mean, covariance, log_density = gaussian(4)
 
