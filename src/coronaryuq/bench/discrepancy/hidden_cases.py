@@ -8,10 +8,10 @@ import numpy as np
 
 from coronaryuq.bench.discrepancy import open_loop_tree, set_aside
 from coronaryuq.bench.discrepancy.recordings_outside import RECORDINGS
+from coronaryuq.bench.discrepancy.traces import Traces
 from coronaryuq.case.network.network import Network
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import Condition
-from coronaryuq.discrepancy.hidden.detectability import Traces
 from coronaryuq.discrepancy.hidden.experiment import Experiment, Plan, loop_experiment
 from coronaryuq.discrepancy.hidden.make_case import Subject, draw_subject
 from coronaryuq.discrepancy.hidden.nature import Change, Nature, Outside

@@ -1,21 +1,15 @@
 """Detectability of effects: the signal that remains in the data after recalibration without them."""
 
-import copy
 from collections.abc import Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.hidden.experiment import Experiment
-from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
+from coronaryuq.discrepancy.inference.gauss_newton import Search, maximise
 from coronaryuq.discrepancy.inference.known_errors import known_errors
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.inference.read_problem import make_problem
-from coronaryuq.discrepancy.settings import Settings
 
 Row = tuple[np.ndarray, Hypothesis]
 
@@ -50,7 +44,7 @@ def least_trace(
     """
     if not signals:
         return 0.0
-    shapes, sd = _known_errors(problem, sd)
+    shapes, sd = with_known_errors(problem, sd)
     sd = sd[problem.train]
     absorbed = shapes[:, problem.train] / sd
     count, every = problem.count, problem.count + len(absorbed)
@@ -79,41 +73,7 @@ def least_trace(
     return float(np.sqrt(min(search.fit.objective for search in searches)))
 
 
-class Traces:
-    """First-order signals of effects in the fitted data of an experiment, about the unmodified model.
-
-    noise: multiple of the plan's noise.
-    """
-
-    def __init__(self, experiment: Experiment, noise: float):
-        network, conditions, plan = experiment.network, experiment.conditions, experiment.plan
-        blank = plan.blank(network, conditions, generator(0, "discrepancy", "traces"))
-        problem = make_problem(network, conditions, blank, Settings())
-        forward, plain = problem.forward, problem.forward.predict(np.zeros(problem.count))[0]
-        deviations = plan.noise_sd(forward.measured, forward.split(plain[None, :]), noise)
-        sd = np.repeat(deviations, [one.value.size for one in forward.measured])
-        shapes, sd = _known_errors(problem, sd)
-        self._problem = problem
-        problem.y, problem.sd, origin = plain, sd, np.zeros(problem.count)
-        sensitivity = problem.sensitivity(origin, problem.whitened([(origin, PLAIN)])[0], PLAIN)
-        columns = np.hstack([sensitivity, (shapes / sd).T])[problem.train]
-        self._project = Fit(np.zeros(columns.shape[1]), np.zeros(len(columns)), columns).projection
-
-    def norms(self, choices: list[tuple[PlacedEffect, np.ndarray]]) -> np.ndarray:
-        """Return the norm (n,) of the signal of each placed effect with sizes z, in noise standard deviations.
-
-        Zero if the model does not run with the effect. Does not depend on earlier calls.
-        """
-        problem, origin = copy.copy(self._problem), np.zeros(self._problem.count)
-        problem.forward = replace(problem.forward, simulation=problem.forward.simulation.fork())
-        rows = [(np.concatenate([origin, z]), Hypothesis((placed,))) for placed, z in choices]
-        grafts = list(dict.fromkeys(placed for placed, _ in choices if placed.effect.grafted))
-        changes = problem.fitted(rows, grafts)
-        squares = [change @ self._project(change) if np.isfinite(change).all() else 0.0 for change in changes]
-        return np.sqrt(np.maximum(squares, 0.0))
-
-
-def _known_errors(problem: Problem, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def with_known_errors(problem: Problem, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the shapes (k, N) of a problem's known errors, and the noise with what they leave.
 
     sd: of the noise alone, (N,).
