@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.benchmark import run
-from coronaryuq.bench.discrepancy.hidden_cases import LOOPS_OUTSIDE, changed_network
+from coronaryuq.bench.discrepancy.hidden_cases import LOOPS_OUTSIDE, changed_network, open_loop
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, open_end
@@ -23,7 +23,11 @@ def test_effects_outside_the_library_are_possible_in_a_small_loop(shared, name, 
         systemic = next(b for b in network["boundary_conditions"] if b["bc_type"] == "ClosedLoopRCR")
         bed.update(bc_type="ClosedLoopRCR", bc_values=systemic["bc_values"])
     alter = changed_network(name, network, np.random.default_rng(1))
-    if (name, arteries) == ("miswired_outlets", 1) or name in ("thrombosed_side_vessel", "delayed_collateral"):
+    if (name, arteries) == ("miswired_outlets", 1) or name in (
+        "thrombosed_side_vessel",
+        "delayed_collateral",
+        "misattached_branch",
+    ):
         assert alter is None
     else:
         assert alter(copy.deepcopy(network), "pacing") != network
@@ -69,3 +73,12 @@ def test_a_transient_effect_acts_under_one_condition_only(shared, name, there, g
 def test_a_network_that_is_not_a_loop_is_rejected(shared):
     with pytest.raises(InputError, match="not a closed loop with coronary beds"):
         run(quick=True, network=str(shared / "data" / "svzerod-cases" / "pulsatileFlow_R_RCR.json"))
+
+
+def test_a_branch_is_attached_to_another_vessel():
+    """It keeps its bed; one vessel feeds a branch more, another one less."""
+    network = open_loop().network
+    alter = changed_network("misattached_branch", network, np.random.default_rng(1))
+    before, after = Anatomy(network), Anatomy(alter(copy.deepcopy(network), "rest"))
+    (branch,) = [name for name in before.vessels if before.parents(name) != after.parents(name)]
+    assert len(after.parents(branch)) == 1 and after.outlet_bc == before.outlet_bc

@@ -19,6 +19,8 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.grafting import add_vessel, attach
 from coronaryuq.zerod.effects.leak import SideBranchLeak
+from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.effects.wiring import FROM
 from coronaryuq.zerod.solver.engine import Engine
 
 MOST_SUBJECTS = 4
@@ -132,6 +134,8 @@ def changed_network(name: str, network: Network, random: np.random.Generator) ->
 
     In a closed loop the place is random.
     """
+    if name == MISATTACHED:
+        return _reattached(network, random)
     anatomy = Anatomy(network)
     vessel, bed = "lad_proximal", "BC_lcx"
     swapped: tuple[str, ...] = ("BC_lad", "BC_diagonal", "BC_lcx")
@@ -196,6 +200,25 @@ def changed_network(name: str, network: Network, random: np.random.Generator) ->
     }[name]
 
 
+def _reattached(network: Network, random: np.random.Generator) -> Change | None:
+    """Return the connection of a random branch to another vessel; None if no branch has one near."""
+    places = effect(MISATTACHED).places(Anatomy(network))
+    if not places:
+        return None
+    number_of = {name: number for number, name in network.vessel_names.items()}
+    branch, feeder = places[int(random.integers(len(places)))].split(FROM)
+
+    def reattached(network: Network, condition: str) -> Network:
+        for junction in network.junctions:
+            if number_of[branch] in junction["outlet_vessels"]:
+                junction["outlet_vessels"].remove(number_of[branch])
+            elif number_of[feeder] in junction["inlet_vessels"]:
+                junction["outlet_vessels"].append(number_of[branch])
+        return network
+
+    return reattached
+
+
 def _transient(
     name: str, network: Network, vessel: str, vessels: list[str], random: np.random.Generator
 ) -> Change | None:
@@ -241,16 +264,18 @@ def _transient(
     return {"spasm": spasm, "thrombosed_side_vessel": clot, "delayed_collateral": recruited}[name]
 
 
+MISATTACHED = "misattached_branch"
 NETWORKS_OUTSIDE = (
     "thrombosed_side_vessel",
     "drifting_vessel",
     "drifting_bed",
     "miswired_outlets",
     "bulging_territory",
+    MISATTACHED,
 )
 TRANSIENT = ("spasm", "thrombosed_side_vessel", "delayed_collateral")
 """Effects in a closed loop that are present under some conditions only."""
-LOOPS_OUTSIDE = ("drifting_vessel", "drifting_bed", "miswired_outlets", *TRANSIENT)
+LOOPS_OUTSIDE = ("drifting_vessel", "drifting_bed", "miswired_outlets", *TRANSIENT, MISATTACHED)
 """Effects outside the library in a closed loop, which conserves its blood volume and includes the heart."""
 OUTSIDE, OUTSIDE_LOOP = (*NETWORKS_OUTSIDE, *RECORDINGS), (*LOOPS_OUTSIDE, *RECORDINGS)
 """Effects outside the library for development, in the open loop and in closed loops."""
