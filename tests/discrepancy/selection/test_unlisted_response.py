@@ -74,7 +74,7 @@ def weighed(problem, *effects):
     hypothesis = assume(*effects)
     start = np.zeros(1 + len(effects))
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis, start)
-    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [LISTED] * len(effects), LIBRARY)
+    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [LISTED] * len(effects), LIBRARY, {})
 
 
 def low_pass(tau):

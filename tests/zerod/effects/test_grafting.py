@@ -117,7 +117,7 @@ def test_vessels_beds_and_junctions_of_an_effect_take_no_name_of_the_patients(on
         pytest.skip("acts nowhere in this network")
     plain, stems = with_effect(network, one, place)
     assert stems, "adds vessels"
-    own = {*place.split("~"), *(one.vessels(place, anatomy) if isinstance(one, QuadraticLoss) else [])}
+    own = {*re.split("~| from ", place), *(one.vessels(place, anatomy) if isinstance(one, QuadraticLoss) else [])}
     others = [name for name in (*anatomy.vessels, *anatomy.beds, "J0") if name not in own and name in network.names]
     for name in sorted(plain[0].names - network.names):
         for other in others:
