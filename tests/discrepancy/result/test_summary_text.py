@@ -62,6 +62,11 @@ def test_one_place_where_something_else_shows_is_told_and_no_flow_offered_for_an
     assert shown_in("volume", "heart", "").endswith(": an error of that measurement.")
 
 
+def test_a_source_that_explains_little_is_not_told():
+    weak = SOURCE | {"nodes": [{"vessel": "lad", "nats": 1.0}]}
+    assert summary_text._source(weak) == "" and summary_text._source(SOURCE)
+
+
 def test_one_quantity_or_condition_in_which_something_else_shows_is_told():
     said = "the flow waveforms alone (probability 0.97): an error that they share, or a cause that hardly changes the"
     assert said in shown_in("flow", "", "")

@@ -165,8 +165,8 @@ def _shown(forms: Mapping, source: Mapping | None) -> str:
 
 
 def _source(found: Mapping | None) -> str:
-    """State where an unknown source of flow would explain most, and which law its waveform follows."""
-    if not found or "vessel" not in found:
+    """State where an unknown source of flow would explain most, and which law its waveform follows, if it explains."""
+    if not found or "vessel" not in found or found["nodes"][0]["nats"] < RULE.class_odds:
         return ""
     best = f" Of unknown sources of flow, one at the end of {found['vessel']} explains most"
     nats = found["nodes"][0]["nats"]
