@@ -26,7 +26,7 @@ def test_effects_outside_the_library_are_possible_in_a_small_loop(shared, name, 
     if (name, arteries) == ("miswired_outlets", 1) or name in (
         "thrombosed_side_vessel",
         "delayed_collateral",
-        "misattached_branch",
+        "rewired_branch",
     ):
         assert alter is None
     else:
@@ -78,7 +78,7 @@ def test_a_network_that_is_not_a_loop_is_rejected(shared):
 def test_a_branch_is_attached_to_another_vessel():
     """It keeps its bed; one vessel feeds a branch more, another one less."""
     network = open_loop().network
-    alter = changed_network("misattached_branch", network, np.random.default_rng(1))
+    alter = changed_network("rewired_branch", network, np.random.default_rng(1))
     before, after = Anatomy(network), Anatomy(alter(copy.deepcopy(network), "rest"))
     (branch,) = [name for name in before.vessels if before.parents(name) != after.parents(name)]
     assert len(after.parents(branch)) == 1 and after.outlet_bc == before.outlet_bc

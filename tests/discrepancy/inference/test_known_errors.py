@@ -86,7 +86,7 @@ def test_the_phase_of_an_oscillation_is_not_corrected_at_a_fit_but_read_by_instr
     assert again.forward.shapes == pytest.approx(problem.forward.shapes, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_an_oscillation_is_no_missing_effect(tmp_path):
     """Errors of vessels shift it against the data; it had been named an error of a flow probe, at 0.99."""
     hide(Case((), "none", "nominal", 1), closed_loop(oscillating_loop()), tmp_path, NATURE)

@@ -65,7 +65,7 @@ def correlated_noise(random, time, correlation_time):
     return np.linalg.cholesky(correlation(time, correlation_time)) @ random.standard_normal(time.size)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_stated_noise_is_seldom_thought_to_be_another():
     """400 trials: in no more than 10 % of them, with four standard errors."""
     random, trials = np.random.default_rng(1), 400

@@ -42,6 +42,7 @@ def test_a_drift_alone_is_a_drift_and_no_stenosis(program):
     assert answers(Hidden(drift=8.0), Wire(), range(2, 4), program) == {DRIFT: 2}
 
 
+@pytest.mark.long
 def test_the_check_at_the_end_shows_a_smaller_drift():
     assert answers(Hidden(drift=5.0), Wire(checked=True), range(1, 4)) == {DRIFT: 3}
 

@@ -50,7 +50,7 @@ def test_the_named_loss_changes_the_prediction_to_what_was_measured(quadratic):
     assert off["repaired"] < 0.05 * off["simulated"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_equal_tables_leave_nothing_to_explain(tmp_path):
     exact_pairs(tmp_path, 0.0)
     answer = discover_pairs(tmp_path / "0d.csv", tmp_path / "3d.csv", tmp_path / "out", 1)

@@ -134,8 +134,8 @@ def changed_network(name: str, network: Network, random: np.random.Generator) ->
 
     In a closed loop the place is random.
     """
-    if name == MISATTACHED:
-        return _reattached(network, random)
+    if name == REWIRED:
+        return _rewired(network, random)
     anatomy = Anatomy(network)
     vessel, bed = "lad_proximal", "BC_lcx"
     swapped: tuple[str, ...] = ("BC_lad", "BC_diagonal", "BC_lcx")
@@ -200,9 +200,9 @@ def changed_network(name: str, network: Network, random: np.random.Generator) ->
     }[name]
 
 
-def _reattached(network: Network, random: np.random.Generator) -> Change | None:
+def _rewired(network: Network, random: np.random.Generator) -> Change | None:
     """Return the connection of a random branch to another vessel; None if no branch has one near."""
-    places = effect(MISATTACHED).places(Anatomy(network))
+    places = effect("misattached_branch").places(Anatomy(network))
     if not places:
         return None
     number_of = {name: number for number, name in network.vessel_names.items()}
@@ -264,18 +264,18 @@ def _transient(
     return {"spasm": spasm, "thrombosed_side_vessel": clot, "delayed_collateral": recruited}[name]
 
 
-MISATTACHED = "misattached_branch"
+REWIRED = "rewired_branch"
 NETWORKS_OUTSIDE = (
     "thrombosed_side_vessel",
     "drifting_vessel",
     "drifting_bed",
     "miswired_outlets",
     "bulging_territory",
-    MISATTACHED,
+    REWIRED,
 )
 TRANSIENT = ("spasm", "thrombosed_side_vessel", "delayed_collateral")
 """Effects in a closed loop that are present under some conditions only."""
-LOOPS_OUTSIDE = ("drifting_vessel", "drifting_bed", "miswired_outlets", *TRANSIENT, MISATTACHED)
+LOOPS_OUTSIDE = ("drifting_vessel", "drifting_bed", "miswired_outlets", *TRANSIENT, REWIRED)
 """Effects outside the library in a closed loop, which conserves its blood volume and includes the heart."""
 OUTSIDE, OUTSIDE_LOOP = (*NETWORKS_OUTSIDE, *RECORDINGS), (*LOOPS_OUTSIDE, *RECORDINGS)
 """Effects outside the library for development, in the open loop and in closed loops."""
