@@ -88,6 +88,7 @@ def test_adoption_switched_off_again_leaves_its_files_and_runs_the_campaign_as_b
     assert set(with_it) - set(without) == ADOPTION | SEARCH and not set(without) - set(with_it)
 
 
+@pytest.mark.long
 def test_calibration_and_posterior_are_fitted_to_the_flows_without_the_errors_of_the_map(checkout):
     checkout.settings = changed(checkout, discrepancy={"adopt": True})
     checkout.pretend_done()
@@ -235,6 +236,7 @@ def test_a_search_on_pairs_needs_nothing_of_the_campaign(checkout):
     assert set(jobs) == {"discrepancy_pairs", "discrepancy_figure", "discrepancy_report", "discrepancy"}
 
 
+@pytest.mark.long
 def test_an_edit_of_the_summary_text_leaves_searches_fresh(checkout):
     checkout.pretend_done("discrepancy")
     checkout.edit("discrepancy/result/summary_text.py")
@@ -247,6 +249,7 @@ def test_a_search_in_the_report_is_part_of_the_campaign(checkout):
     assert "discrepancy_search" not in checkout.dry_run()
 
 
+@pytest.mark.long
 def test_losses_are_learnt_before_the_posterior_of_all_others(checkout):
     settings = changed(checkout, losses={"runs_3d": 8})
     jobs = checkout.dry_run(settings=settings)

@@ -46,6 +46,7 @@ def run(places, *words, **environment):
     )
 
 
+@pytest.mark.long
 def test_a_campaign_starts_without_home_and_name(places):
     """The first job that compiles kernels, and the one before it."""
     (places[0] / "mine.yaml").write_text("name: mine\ncase: given/case.yaml\nperfusion: {realisations: 20}\n")

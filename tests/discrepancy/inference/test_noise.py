@@ -228,7 +228,7 @@ def in_first_class(truth, found):
     return len(classes) == 1 and all(placed in classes[0] for placed in truth.hypothesis)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_runs_for_known_errors_are_made_once_unless_lasting_noise_asks_for_finer_steps(tmp_path):
     white, lasting = {"flow": Noise(0.8)}, {"flow": Noise(0.8, 0.05)}
     for name, experiment, finer in (("closed", closed_loop(loop()), False), ("open", open_loop(), True)):

@@ -112,6 +112,7 @@ def rows(here, moved, strict):
     return run(here, 0, 3, here / "fields")
 
 
+@pytest.mark.long
 def test_the_record_says_why_the_lumen_was_meshed_anew_and_how_well(rows, moved):
     assert all(row.ok for row in rows)
     assert ["remeshed_because" in row.diagnostics["lumen"] for row in rows] == [False, True, False]

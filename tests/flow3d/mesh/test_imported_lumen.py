@@ -29,6 +29,7 @@ def forked(tmp_path_factory):
     return out / "mesh-complete", mesh_tree(tree, stenoses, network, settings, out), tree, stenoses, network, settings
 
 
+@pytest.mark.long
 def test_an_adopted_folder_gets_the_description_that_it_was_made_with(forked):
     given, made, tree, stenoses, network, settings = forked
     mesh, content = adopt_folder(given, tree, stenoses, network, settings)
