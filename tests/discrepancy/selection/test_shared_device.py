@@ -61,9 +61,8 @@ def hidden(folder, seed: int, size: float | None):
     return analyse(folder)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [1.0, pytest.param(None, marks=pytest.mark.long)])
 @pytest.mark.long
+@pytest.mark.parametrize("size", [1.0, None])
 def test_an_error_that_two_recordings_share_is_named_with_one_size(tmp_path, size):
     """Two subjects, one probe; its low-pass (15 ms and a standard deviation more) or nothing is hidden."""
     discoveries = {}

@@ -20,7 +20,7 @@ from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.grafting import add_vessel, attach
 from coronaryuq.zerod.effects.leak import SideBranchLeak
 from coronaryuq.zerod.effects.library import effect
-from coronaryuq.zerod.effects.wiring import FROM
+from coronaryuq.zerod.effects.misattached_branch import FROM
 from coronaryuq.zerod.solver.engine import Engine
 
 MOST_SUBJECTS = 4

@@ -4,6 +4,7 @@ from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.beds import Autoregulation, BackPressure, CompressedResistance, IncompleteHyperaemia
 from coronaryuq.zerod.effects.collateral import Collateral, DistalCollateral
 from coronaryuq.zerod.effects.drive import DriveGain
+from coronaryuq.zerod.effects.exchanged_outlets import ExchangedOutlets
 from coronaryuq.zerod.effects.intramyocardial import IntramyocardialDelay, IntramyocardialPressure
 from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
 from coronaryuq.zerod.effects.leak import DistalLeak, SideBranch, SideBranchLeak
@@ -17,6 +18,7 @@ from coronaryuq.zerod.effects.measuring_chain import (
     TriggerDelay,
     WireDrift,
 )
+from coronaryuq.zerod.effects.misattached_branch import MisattachedBranch
 from coronaryuq.zerod.effects.narrowing import DiffuseNarrowing
 from coronaryuq.zerod.effects.perfusion import MBFUnderestimation, RotatedTerritories, ShiftedTerritory
 from coronaryuq.zerod.effects.probe_places import (
@@ -40,7 +42,6 @@ from coronaryuq.zerod.effects.stenosis import FocalStenosis, QuadraticStenosis, 
 from coronaryuq.zerod.effects.storage import EpicardialCompliance, Inertance, ViscoelasticWall
 from coronaryuq.zerod.effects.valve import AorticRegurgitation, AorticStenosis, MitralStenosis, PulmonaryStenosis
 from coronaryuq.zerod.effects.viscosity import Haematocrit
-from coronaryuq.zerod.effects.wiring import ExchangedOutlets, MisattachedBranch
 
 LIBRARY: tuple[Effect, ...] = (
     QuadraticStenosis(),
