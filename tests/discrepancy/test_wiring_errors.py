@@ -1,4 +1,4 @@
-"""Wiring errors of the model: seen, said, and not named as an effect."""
+"""Wiring errors of the model: seen, said, not named as an effect, and corrected in a model that explains the data."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,10 @@ from coronaryuq.bench.discrepancy.trial import analyse
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.nature import Outside
 from coronaryuq.discrepancy.result.summary_text import paragraph
-from coronaryuq.discrepancy.result.write import summary
+from coronaryuq.discrepancy.result.write import write
+from coronaryuq.discrepancy.search_case import searched
+from coronaryuq.discrepancy.selection.answer import NOTHING
+from coronaryuq.discrepancy.settings import Settings
 from support.hypotheses import assume
 
 
@@ -41,5 +44,12 @@ def test_a_wiring_error_is_reported_as_such(wired, error, place, told, tmp_path)
     make_case.hide(open_loop(), assume(), np.zeros(0), make_case.Noise(), 11, tmp_path, Outside(network=wired))
     found = analyse(tmp_path)
     assert found.outside_library and not found.named
-    assert summary(found)["wiring_errors"] == [{"error": error, "place": place}]
-    assert f": {told}. No effect is named; check the model" in paragraph(summary(found))
+    answer, out = write(found, tmp_path / "out"), tmp_path / "out"
+    assert answer["wiring_errors"] == [{"error": error, "place": place, "statement": told}]
+    assert f": {told}. No effect is named; rewired.json" in paragraph(answer)
+    assert not (out / "repaired.json").exists()
+    files = (out / name for name in ("rewired.json", "measurements.csv", "conditions.yaml"))
+    again = searched(*files, Settings(), 1)
+    assert again.consistent and again.answer.probabilities[NOTHING] > 0.9
+    write(again, out)
+    assert (out / "repaired.json").exists() and not (out / "rewired.json").exists()

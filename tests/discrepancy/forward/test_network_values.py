@@ -1,4 +1,4 @@
-"""What a network may be, its numbers and waveforms, and a state carried over to one with added elements."""
+"""What a network may be, and its numbers and waveforms."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MBF_PER_MIN_PER_G
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.network_values import carry_over, sampled
+from coronaryuq.discrepancy.forward.network_values import sampled
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
 from coronaryuq.discrepancy.inference.read_problem import check_searchable, locations, make_problem, tissue_mass
 from coronaryuq.discrepancy.settings import Settings
@@ -16,23 +16,6 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import WAVE_POINTS
 from coronaryuq.zerod.effects.intramyocardial import waveform
 from coronaryuq.zerod.network.read import read_network
-
-NAMES = ["pressure:A:v", "flow:A:v", "pressure:v:BED", "flow:v:BED", "other"]
-STATE = np.array([90.0, 4.0, 80.0, 3.0, 7.0])
-RENAMED = {"v:BED": "v_tag:BED"}
-"""A stub put behind the vessel v, ahead of its bed."""
-
-
-def test_known_values_are_kept_under_their_new_names():
-    found = carry_over(NAMES, STATE, ["flow:A:v", "pressure:v_tag:BED", "flow:v_tag:BED", "other"], RENAMED)
-    assert found.tolist() == [4.0, 80.0, 3.0, 7.0]
-
-
-def test_added_vessels_start_at_the_pressure_of_their_neighbours_without_flow():
-    # Asked for from the far end: x hangs on y, y on the junction J, J on the end of v.
-    wanted = ["pressure:x:END", "pressure:y:x", "pressure:J:y", "flow:J:y", "pressure:v:J", "pressure:A:v"]
-    found = carry_over(NAMES, STATE, [*wanted, "pressure:far:away"], RENAMED)
-    assert found.tolist() == [80.0, 80.0, 80.0, 0.0, 80.0, 90.0, 0.0]
 
 
 def _rename(network, part, key, name):

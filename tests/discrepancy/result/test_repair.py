@@ -10,6 +10,7 @@ from coronaryuq.core import units
 from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
 from coronaryuq.discrepancy.data.conditions import read_conditions, write_conditions
 from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
@@ -18,10 +19,12 @@ from coronaryuq.discrepancy.result.repair import (
     repaired_conditions,
     repaired_measurements,
     repaired_network,
+    rewired,
     value_changes,
 )
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
 
@@ -84,6 +87,34 @@ def test_measurements_have_the_locations_of_the_repaired_network(tmp_path):
     assert [(one.condition, one.quantity, one.location) for one in again.forward.measured] == series
     assert again.y == pytest.approx(expected, rel=1e-12)
     assert again.forward.predict(np.zeros(again.count))[0] == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_rewired_model_is_a_case_that_predicts_what_the_patient_has(tmp_path):
+    """The branch arises from the left main there, and all measurements keep their places."""
+    patient = open_loop()
+    error, place = effect("misattached_branch"), "lcx from lad_proximal"
+    wrong, moved = error.corrected(patient.network, place)
+    conditions = patient.conditions
+    places = {"flow": "J1:lcx", "pressure": "lcx:BC_lcx"}
+    assert moved == {"J0:lcx": "J1:lcx"}
+    measured = [
+        Measured(name, quantity, location, "mean", None, 0.85, np.ones(1), np.full(1, 0.1))
+        for name in conditions
+        for quantity, location in places.items()
+    ]
+    true = [replace(one, location={"J1:lcx": "J0:lcx"}.get(one.location, one.location)) for one in measured]
+    expected = make_problem(patient.network, conditions, true, Settings())
+    start = np.zeros(expected.count)
+    for one, value in zip(measured, expected.forward.predict(start)[0], strict=True):
+        one.value[:] = value
+    forward = make_problem(wrong, conditions, measured, Settings()).forward
+    rewired(forward, [PlacedEffect(error, "lcx from left_main")]).write(tmp_path)
+    assert "lcx arises from the end of left_main" in (tmp_path / "difference.txt").read_text()
+    files = tmp_path / "measurements.csv", read_conditions(tmp_path / "conditions.yaml"), tmp_path / "conditions.yaml"
+    again = read_problem(read_network(tmp_path / "rewired.json"), *files, Settings())
+    assert [one.location for one in again.forward.measured] == [one.location for one in true]
+    np.testing.assert_allclose(again.forward.predict(np.zeros(again.count))[0], again.y, rtol=1e-9)
+    assert np.abs(forward.predict(np.zeros(len(forward.nuisances)))[0] / again.y - 1.0).max() > 0.02
 
 
 def test_a_named_error_of_a_sensor_is_not_in_the_measurements_that_are_written():

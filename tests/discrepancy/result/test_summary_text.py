@@ -29,15 +29,16 @@ def test_the_device_of_an_unlisted_response_is_told():
 def test_a_wiring_error_is_told_as_what_is_wrong_in_the_model():
     form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": MISWIRED}
     form["forms_of_something_else"] = {MISWIRED: 0.97}
-    branch = {"error": "misattached_branch", "place": "om from lm"}
+    branch = {"error": "misattached_branch", "place": "om from lm", "statement": "om arises from the end of lm"}
     assert told(form, [branch]) == (
         "The measurements indicate a wiring error of the model (probability 0.97): om arises from the end of lm. No "
-        "effect is named; check the model, and search again. Pressure low pass at a:b and pressure delay at a:b may "
+        "effect is named; rewired.json is the model with this corrected: check it, and search again. "
+        "Pressure low pass at a:b and pressure delay at a:b may "
         "instead be present."
     )
-    outlets = {"error": "exchanged_outlets", "place": "B_a~B_b"}
+    outlets = {"error": "exchanged_outlets", "place": "B_a~B_b", "statement": "the outlets B_a and B_b are exchanged"}
     assert ": the outlets B_a and B_b are exchanged and om arises from" in told(form, [outlets, branch])
-    found = {"error": "pressure_delay", "place": "a:b"}
+    found = {"error": "pressure_delay", "place": "a:b", "statement": "it is late"}
     assert told(form, [found]).endswith(" Pressure low pass at a:b may also be present.")
 
 

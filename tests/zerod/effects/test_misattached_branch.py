@@ -51,6 +51,36 @@ def rewired(network):
     return found(changed, {"J1:diagonal": "J0:diagonal"}, {})
 
 
+def test_the_corrected_network_is_the_rewired_one():
+    network = left_coronary()
+    before = copy.deepcopy(network)
+    right, renamed = ONE.corrected(network, PLACE)
+    assert renamed == {"J1:diagonal": "J0:diagonal"} and network == before
+    np.testing.assert_array_equal(found(right, renamed, {}), rewired(network))
+
+
+def test_junctions_written_by_names_or_with_values_of_their_own_are_corrected():
+    """A new outlet has no value at a junction with values, so it gets a plain junction ahead of it."""
+    network = left_coronary()
+    plain, _ = ONE.corrected(network, PLACE)
+    first, second = network["junctions"]
+    for junction in (first, second):
+        count = len(junction["outlet_vessels"])
+        zeros = {key: [0.0] * count for key in ("R_poiseuille", "L", "stenosis_coefficient")}
+        junction |= {"junction_type": "BloodVesselJunction", "junction_values": zeros}
+    second["junction_values"]["R_poiseuille"] = [7.0, 8.0]
+    names = network.vessel_names
+    for side in ("inlet", "outlet"):
+        second[f"{side}_blocks"] = [names[number] for number in second.pop(f"{side}_vessels")]
+    right, renamed = ONE.corrected(network, PLACE)
+    assert right.junction("J1")["outlet_blocks"] == ["lad"]
+    assert right.junction("J1")["junction_values"]["R_poiseuille"] == [7.0]
+    assert right.junction("J0") == first | {"inlet_vessels": right.junction("J0")["inlet_vessels"]}
+    right.junction("J1")["junction_values"]["R_poiseuille"] = [0.0]
+    expected = found(plain, {"J1:diagonal": "J0:diagonal"}, {})
+    assert found(right, renamed, {}) == pytest.approx(expected, rel=1e-6)
+
+
 def test_places_are_ends_that_branch_and_are_not_beyond_the_branch():
     assert ONE.places(Anatomy(left_coronary())) == [
         "lad from left_main",

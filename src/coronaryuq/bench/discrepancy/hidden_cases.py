@@ -19,8 +19,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.grafting import add_vessel, attach
 from coronaryuq.zerod.effects.leak import SideBranchLeak
-from coronaryuq.zerod.effects.library import effect
-from coronaryuq.zerod.effects.misattached_branch import FROM
+from coronaryuq.zerod.effects.misattached_branch import MisattachedBranch
 from coronaryuq.zerod.solver.engine import Engine
 
 MOST_SUBJECTS = 4
@@ -202,21 +201,12 @@ def changed_network(name: str, network: Network, random: np.random.Generator) ->
 
 def _rewired(network: Network, random: np.random.Generator) -> Change | None:
     """Return the connection of a random branch to another vessel; None if no branch has one near."""
-    places = effect("misattached_branch").places(Anatomy(network))
+    wiring = MisattachedBranch()
+    places = wiring.places(Anatomy(network))
     if not places:
         return None
-    number_of = {name: number for number, name in network.vessel_names.items()}
-    branch, feeder = places[int(random.integers(len(places)))].split(FROM)
-
-    def reattached(network: Network, condition: str) -> Network:
-        for junction in network.junctions:
-            if number_of[branch] in junction["outlet_vessels"]:
-                junction["outlet_vessels"].remove(number_of[branch])
-            elif number_of[feeder] in junction["inlet_vessels"]:
-                junction["outlet_vessels"].append(number_of[branch])
-        return network
-
-    return reattached
+    place = places[int(random.integers(len(places)))]
+    return lambda network, _: wiring.corrected(network, place)[0]
 
 
 def _transient(

@@ -12,9 +12,10 @@ from coronaryuq.discrepancy.forward.fast_settling import FastSettling
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, batches, stack
 from coronaryuq.discrepancy.forward.lockstep import Computation, Run
-from coronaryuq.discrepancy.forward.network_values import carry_over
 from coronaryuq.discrepancy.forward.warm_starts import Point, WarmStarts
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.grafting import renamed_again
+from coronaryuq.zerod.solver.carry_over import carry_over
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
 
@@ -77,9 +78,7 @@ class Simulation:
             anatomy = Anatomy(network, self.anatomy.pressure, self.anatomy.flow, self.anatomy.period)
             fresh = effect.aliases(place, anatomy)
             network = effect.insert(network, place, anatomy)
-            renamed = {old: fresh.get(new, new) for old, new in renamed.items()} | {
-                old: new for old, new in fresh.items() if old not in renamed.values()
-            }
+            renamed = renamed_again(renamed, fresh)
         return network, renamed
 
     def prepared(self, effects: Iterable[PlacedEffect]) -> Prepared:

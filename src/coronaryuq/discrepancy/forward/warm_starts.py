@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.network_values import carry_over
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
+from coronaryuq.zerod.solver.carry_over import carry_over
 from coronaryuq.zerod.solver.engine import Engine
 
 MOST = 300

@@ -6,7 +6,6 @@ import numpy as np
 from scipy import stats
 
 from coronaryuq.discrepancy.decision_rule import RULE
-from coronaryuq.zerod.effects.misattached_branch import FROM, MisattachedBranch
 
 LEAST_INFORMATION = 0.1
 """Expected information (nats) below which a measurement does not distinguish a class; of two members at most 0.69."""
@@ -197,13 +196,6 @@ def capitalised(text: str) -> str:
 def label_text(effect: Mapping) -> str:
     """Name an effect and its place."""
     return f"{effect['effect'].replace('_', ' ')} at {effect['place']}"
-
-
-def wiring_text(error: str, place: str) -> str:
-    """State a wiring error of the model."""
-    if error == MisattachedBranch.name:
-        return "{} arises from the end of {}".format(*place.split(FROM))
-    return f"the outlets {' and '.join(place.split('~'))} are exchanged"
 
 
 def p_text(p: float) -> str:

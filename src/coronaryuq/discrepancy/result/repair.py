@@ -1,5 +1,6 @@
-"""The repaired model: network and conditions with the named effects, renamed measurements, and a list of changes."""
+"""The model with the named effects, or without wiring errors: network, conditions, measurements, list of changes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,13 +15,15 @@ from coronaryuq.core.io.tables import write_csv
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, write_conditions
 from coronaryuq.discrepancy.data.measurements import COLUMNS, PULLBACK_COLUMNS, UNITS
-from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.network_values import scalars, with_values
 from coronaryuq.discrepancy.forward.nuisance import element_factors
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.forward.pullbacks import extents
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.zerod.effects.grafting import renamed_again
 from coronaryuq.zerod.effects.pullback import CHECK
+from coronaryuq.zerod.effects.wiring_error import WiringError
 
 Drives = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 """(condition, block) → times and values of a drive."""
@@ -35,6 +38,7 @@ WRITTEN_IN = {
     "drift": "mmHg",
 }
 """Unit of each quantity in the measurement table of a repaired network."""
+REPAIRED, REWIRED = "repaired.json", "rewired.json"
 CHANGED = ("vessels", "boundary_conditions", "closed_loop_blocks")
 """Parts of a network whose values effects and recalibration change."""
 
@@ -90,8 +94,18 @@ def repaired_measurements(forward: Forward, hypothesis: Hypothesis, fit: Fit) ->
     What the named errors of sensors change in the predictions is subtracted from the values, and its uncertainty is
     added to the standard deviations.
     """
-    renamed, rows = forward.simulation.prepared(hypothesis).renamed, []
-    changes, spreads = _by_sensors(forward, hypothesis, fit)
+    renamed = forward.simulation.prepared(hypothesis).renamed
+    return measurement_table(forward, renamed, *_by_sensors(forward, hypothesis, fit))
+
+
+def measurement_table(
+    forward: Forward, renamed: dict[str, str], changes: list[np.ndarray], spreads: list[np.ndarray]
+) -> pd.DataFrame:
+    """Return the measurements with new names of locations, less some changes (1, k) of each series.
+
+    spreads: the standard deviations of these changes, (1, k) each, CGS.
+    """
+    rows = []
     for series, change, spread in zip(forward.measured, changes, spreads, strict=True):
         quantity = series.table_quantity
         unit = WRITTEN_IN[quantity]
@@ -131,23 +145,29 @@ def difference(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> str:
     lines = [*_effect_lines(forward, hypothesis, fit), "", "Recalibration (factors)"]
     pairs = zip(forward.nuisances, fit.z, strict=False)
     lines += [f"  {one.name}: {float(one.factor(z)):.4f}" for one, z in pairs if one.shape is None]
-    known = {(one.part, one.name): one for one in before.elements()}
+    known = {(one.part, one.name) for one in before.elements()}
     for part in ("vessels", "junctions", "boundary_conditions"):
         added = [one.name for one in after.elements() if one.part == part and (part, one.name) not in known]
         if added:
             lines += ["", f"Added {part}: {', '.join(added)}"]
-    renamed = forward.simulation.prepared(hypothesis).renamed
+    return "\n".join([*lines, *changed_lines(before, after, forward.simulation.prepared(hypothesis).renamed)]) + "\n"
+
+
+def changed_lines(before: Network, after: Network, renamed: dict[str, str]) -> list[str]:
+    """List renamed locations and changed values of a network."""
+    lines = []
     if renamed:
         lines += ["", "Renamed locations (old -> new); measurements.csv uses the new names"]
         lines += [f"  {old} -> {new}" for old, new in renamed.items()]
     lines += ["", "Values (old -> new)"]
+    known = {(one.part, one.name): one for one in before.elements()}
     for new in after.elements():
         old = known.get((new.part, new.name))
         if old is not None and new.part in CHANGED:
             if old.kind != new.kind:
                 lines.append(f"  {new.name}: {old.kind} -> {new.kind}")
             lines += value_changes(new.name, old.values, new.values)
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _effect_lines(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> list[str]:
@@ -179,9 +199,10 @@ def _value_text(value: float | list) -> str:
 
 
 @dataclass(frozen=True)
-class Repaired:
-    """Content of the files of a repaired model, complete before any file is written."""
+class Model:
+    """Content of the files of a repaired or rewired model, complete before any file is written."""
 
+    file: str
     network: Network
     measurements: pd.DataFrame
     conditions: dict[str, dict]
@@ -189,18 +210,40 @@ class Repaired:
     difference: str
 
     def write(self, folder: Path) -> None:
-        """Write `repaired.json`, `measurements.csv`, `conditions.yaml`, `drives/` and `difference.txt`."""
-        write_json(folder / "repaired.json", self.network)
+        """Write the network, `measurements.csv`, `conditions.yaml`, `drives/` and `difference.txt`."""
+        write_json(folder / self.file, self.network)
         write_csv(folder / "measurements.csv", self.measurements)
         write_conditions(folder, self.conditions, self.drives)
         write_text(folder / "difference.txt", self.difference)
 
 
-def repaired(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> Repaired:
+def repaired(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> Model:
     """Return the repaired model of a fit with its effects."""
-    return Repaired(
+    return Model(
+        REPAIRED,
         repaired_network(forward, hypothesis, fit.z),
         repaired_measurements(forward, hypothesis, fit),
         *repaired_conditions(forward, hypothesis, fit.z),
         difference(forward, hypothesis, fit),
+    )
+
+
+def rewired(forward: Forward, errors: Sequence[PlacedEffect]) -> Model:
+    """Return the model without wiring errors, as it was before any recalibration, to be searched again."""
+    network, lines = forward.network, ["Wiring errors corrected"]
+    renamed: dict[str, str] = {}
+    for error, place in errors:
+        assert isinstance(error, WiringError)
+        network, fresh = error.corrected(network, place)
+        renamed = renamed_again(renamed, fresh)
+        lines.append(f"  {error.statement(place)}")
+    none = forward.split(np.zeros((1, forward.size)))
+    conditions = forward.conditions.items()
+    return Model(
+        REWIRED,
+        network,
+        measurement_table(forward, renamed, none, none),
+        {name: as_entry(condition) for name, condition in conditions},
+        {(name, block): wave for name, condition in conditions for block, wave in condition.drive.items()},
+        "\n".join([*lines, *changed_lines(forward.network, network, renamed)]) + "\n",
     )

@@ -27,7 +27,6 @@ from coronaryuq.discrepancy.result.phrases import (
     size_text,
     sizes_by_condition,
     varying_text,
-    wiring_text,
 )
 from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OTHER, UNLISTED, VARYING
 
@@ -138,7 +137,8 @@ def _miswired(answer: Mapping) -> str:
     others = [label_text(effect) for effect in best if (effect["effect"], effect["place"]) not in errors]
     text = (
         f"The measurements indicate a wiring error of the model (probability {forms[MISWIRED]:.2f}): "
-        f"{listed([wiring_text(*error) for error in errors])}. No effect is named; check the model, and search again."
+        f"{listed([error['statement'] for error in answer['wiring_errors']])}. No effect is named; rewired.json is the "
+        "model with this corrected: check it, and search again."
     )
     besides = "also" if len(others) < len(best) else "instead"
     return text + (f" {capitalised(listed(others))} may {besides} be present." if others else "")

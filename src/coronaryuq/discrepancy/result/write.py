@@ -18,14 +18,15 @@ from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_correlated
 from coronaryuq.discrepancy.result.facts import facts, prior_conflicts, with_interval
 from coronaryuq.discrepancy.result.pullback_table import pullback_table
-from coronaryuq.discrepancy.result.repair import repaired
+from coronaryuq.discrepancy.result.repair import REPAIRED, REWIRED, repaired, rewired
 from coronaryuq.discrepancy.result.source_table import source_entry, source_table
 from coronaryuq.discrepancy.result.vessels_of import vessels_of
-from coronaryuq.discrepancy.selection.answer import NOTHING, OTHER
+from coronaryuq.discrepancy.selection.answer import MISWIRED, NOTHING, OTHER
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.next_measurement import next_measurements
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.wiring_error import WiringError
 
 
 def summary(found: Discovery) -> dict:
@@ -56,7 +57,11 @@ def summary(found: Discovery) -> dict:
             for entry in found.rounds
             if entry.refuted is not None
         ],
-        "wiring_errors": [{"error": one.name, "place": place} for one, place in found.answer.wiring_errors],
+        "wiring_errors": [
+            {"error": one.name, "place": place, "statement": one.statement(place)}
+            for one, place in found.answer.wiring_errors
+            if isinstance(one, WiringError)
+        ],
         "gap_before": found.gaps.before.misfit,
         "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
         "gap_flexible": found.gaps.flexible.misfit,
@@ -155,20 +160,20 @@ def _scales(anatomy: Anatomy) -> dict:
 
 WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
-    *("gap.csv", "pullback.csv", "source.csv", "repaired.json", "measurements.csv", "conditions.yaml"),
+    *("gap.csv", "pullback.csv", "source.csv", REPAIRED, REWIRED, "measurements.csv", "conditions.yaml"),
     *("difference.txt", "pairs.csv", "laws.csv", "effects.csv", "predicted.csv"),
 )
 """All files that a search may write, apart from the folder `drives`."""
 A_CASE = ("measurements.csv", "conditions.yaml")
-"""Files that a case also has: they belong to an earlier search only if a repaired model is next to them."""
+"""Files that a case also has: they belong to an earlier search only if a model that it wrote is next to them."""
 
 
 def clear(folder: Path) -> None:
-    """Remove the files of an earlier search from `folder`: the new answer may have no repaired model."""
-    drives, repaired = [], (folder / "repaired.json").exists()
-    if repaired and (folder / "conditions.yaml").exists():
+    """Remove the files of an earlier search from `folder`: the new answer may write no model."""
+    drives, model = [], any((folder / name).exists() for name in (REPAIRED, REWIRED))
+    if model and (folder / "conditions.yaml").exists():
         drives = [path for path in drive_paths(folder / "conditions.yaml") if path.parent == folder / "drives"]
-    ours = [folder / name for name in WRITTEN if repaired or name not in A_CASE]
+    ours = [folder / name for name in WRITTEN if model or name not in A_CASE]
     for path in (*ours, *drives):
         path.unlink(missing_ok=True)
 
@@ -177,11 +182,14 @@ def write(found: Discovery, folder: Path) -> dict:
     """Write all files into `folder` and return the summary.
 
     discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; pullback.csv; source.csv;
-    and, unless the effect is outside the library, repaired.json, measurements.csv, conditions.yaml, difference.txt.
+    and, unless something else is missing, repaired.json, measurements.csv, conditions.yaml, difference.txt; of a wiring
+    error the same with rewired.json.
     """
     answer = summary(found)
     as_stated = replace(found.problem.forward, measured=found.measured)
-    mended = None if found.outside_library else repaired(as_stated, found.hypothesis, found.fit)
+    model = None if found.outside_library else repaired(as_stated, found.hypothesis, found.fit)
+    if found.outside_library and found.answer.leading_form == MISWIRED:
+        model = rewired(as_stated, found.answer.wiring_errors)
     residuals = _residuals(found)
     tables = {
         "located.csv": pd.DataFrame([vars(group) for group in found.located.groups]),
@@ -196,8 +204,8 @@ def write(found: Discovery, folder: Path) -> dict:
     clear(folder)
     for name, table in tables.items():
         write_csv(folder / name, table)
-    if mended is not None:
-        mended.write(folder)
+    if model is not None:
+        model.write(folder)
     # Last: if it exists, all other files exist.
     write_json(folder / "discrepancy.json", answer)
     return answer

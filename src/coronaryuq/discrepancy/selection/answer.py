@@ -62,7 +62,7 @@ class Answer:
     support
         Log evidence of all data that the effects found add to something else of any size; 0 without effects.
     wiring_errors
-        Wiring errors of the model that were found, or that are likelier than the effects found; they are not named.
+        Wiring errors of the model that were found or, where that is the answer, are likeliest; they are not named.
     implausible
         Effects found with a size beyond `DecisionRule.implausible`, where the prior ends.
     constancies
@@ -157,11 +157,12 @@ def answer(
             other[ALONE] = float(np.logaddexp(other[ALONE], right))
         elif not wiring:
             named = right
-        if not wiring and other[MISWIRED] > right:
-            wiring = [max(rivals, key=lambda placed: rivals[placed])]
     shares = softmax([nothing, named, *other.values()]).tolist()
     forms = dict(zip(other, shares[2:], strict=True))
     probabilities = {NOTHING: shares[0], NAMES: shares[1], OTHER: min(sum(shares[2:]), 1.0)}
+    leads = max(forms, key=lambda form: forms[form]) == MISWIRED and max(shares[:2]) < probabilities[OTHER]
+    if leads and not wiring:
+        wiring = [max(rivals, key=lambda placed: rivals[placed])]
     best, support = (right, found.unknown - plain.unknown) if hypothesis else (nothing, 0.0)
     shown = dict(zip(seen.shown, softmax(list(seen.shown.values())).tolist(), strict=True))
     return Answer(probabilities, forms, shown, device, float(best), support, wiring, implausible, constancies)

@@ -7,10 +7,11 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
+from coronaryuq.zerod.effects.base import ConditionState, Parameter, Series, Values
+from coronaryuq.zerod.effects.wiring_error import WiringError
 
 
-class ExchangedOutlets(Effect):
+class ExchangedOutlets(WiringError):
     """Two beds connected to each other's vessels."""
 
     name = "exchanged_outlets"
@@ -24,7 +25,6 @@ class ExchangedOutlets(Effect):
     parameters = (
         Parameter("share", "1", "lognormal", 1.0, 0.15, "fraction of the exchange; 1 is a complete exchange"),
     )
-    nameable = False
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [f"{a}~{b}" for a, b in combinations(anatomy.beds, 2) if _ratios(anatomy.network, a, b)]
@@ -38,6 +38,17 @@ class ExchangedOutlets(Effect):
             changes[f"{first}.{name}"] = network.bed_values(first)[name] * ratio**share
             changes[f"{second}.{name}"] = network.bed_values(second)[name] * ratio**-share
         return changes
+
+    def statement(self, place: str) -> str:
+        return f"the outlets {' and '.join(place.split('~'))} are exchanged"
+
+    def corrected(self, network: Network, place: str) -> tuple[Network, dict[str, str]]:
+        first, second = place.split("~")
+        network = network.deep_copy()
+        one, other = network.bed_values(first), network.bed_values(second)
+        for name in _ratios(network, first, second):
+            one[name], other[name] = other[name], one[name]
+        return network, {}
 
 
 def _ratios(network: Network, first: str, second: str) -> dict[str, float]:

@@ -153,3 +153,19 @@ def attach(network: Network, junction: str, side: str, vessel_id: int) -> None:
         block[f"{side}_blocks"].append(network.vessel_names[vessel_id])
     else:
         block[f"{side}_vessels"].append(vessel_id)
+
+
+def detach_outlet(network: Network, junction: str, vessel: str) -> None:
+    """Remove a vessel from the outlets of a junction, and its own values there."""
+    block = network.junction(junction)
+    position = network.junction_sides(block)[1].index(vessel)
+    lists = [*block.get("junction_values", {}).values(), block.get("outlet_vessels"), block.get("outlet_blocks")]
+    for entries in lists:
+        if entries:
+            del entries[position]
+
+
+def renamed_again(renamed: dict[str, str], fresh: dict[str, str]) -> dict[str, str]:
+    """Return old → new names of locations after a further change, which renames some of the new ones or others."""
+    later = {old: new for old, new in fresh.items() if old not in renamed.values()}
+    return {old: fresh.get(new, new) for old, new in renamed.items()} | later

@@ -7,16 +7,18 @@ import numpy as np
 
 from coronaryuq.case.network.network import GRAFTED, Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
+from coronaryuq.zerod.effects.base import ConditionState, Parameter, Series, Values
 from coronaryuq.zerod.effects.grafting import (
     add_vessel,
     attach,
+    detach_outlet,
     grafted,
     grafted_name,
     locations_renamed,
     open_end,
     put_ahead,
 )
+from coronaryuq.zerod.effects.wiring_error import WiringError
 
 FROM = " from "
 """Between the branch and the vessel of a place."""
@@ -30,7 +32,7 @@ FARTHEST = 2
 """Number of branchings from the stated to the true origin of a branch, at most."""
 
 
-class MisattachedBranch(Effect):
+class MisattachedBranch(WiringError):
     """Branch that arises elsewhere than in the model. Places: BRANCH from VESSEL, at the end of which it arises."""
 
     name = "misattached_branch"
@@ -40,7 +42,6 @@ class MisattachedBranch(Effect):
     native = "the outlet vessels of two junctions"
     grafted = True
     parameters = (Parameter("share", "1", "lognormal", 1.0, 0.05, "1 if the branch arises there, and nowhere else"),)
-    nameable = False
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [f"{name}{FROM}{vessel}" for name in anatomy.coronary_vessels for vessel in _origins(anatomy, name)]
@@ -74,6 +75,17 @@ class MisattachedBranch(Effect):
             f"{grafted_name(network, f'{branch}_{TAG}')}.R_poiseuille": unit * share / (1.0 - share),
             f"{grafted_name(network, _stem(place))}.R_poiseuille": unit * (1.0 - share) / share,
         }
+
+    def statement(self, place: str) -> str:
+        return "{} arises from the end of {}".format(*place.split(FROM))
+
+    def corrected(self, network: Network, place: str) -> tuple[Network, dict[str, str]]:
+        branch, vessel = place.split(FROM)
+        stated = Anatomy(network).upstream[branch]
+        network, true, renamed = open_end(network, vessel, TAG)
+        detach_outlet(network, stated, branch)
+        attach(network, true, "outlet", network.vessel(branch)["vessel_id"])
+        return network, renamed | {f"{stated}:{branch}": f"{true}:{branch}"}
 
 
 def _stem(place: str) -> str:
