@@ -1,9 +1,12 @@
 """Confirmation: each of several effects must add evidence, by all data, given the others."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.inference.evidence import PossibleNoise
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round, round_of
 from coronaryuq.discrepancy.selection.confirmation import confirm
 from support.hypotheses import assume
@@ -47,6 +50,16 @@ def test_confirmed_effects_stay_with_their_gains(held_out):
     assert all(entry.evidence_gain > 5.0 for entry in rounds)
     assert all((entry.held_out_gain > 5.0) == held_out for entry in rounds), "no data are counted twice"
     assert round_of(rounds, LATER).evidence_gain < round_of(rounds, FIRST).evidence_gain
+
+
+def test_no_data_are_held_out_where_there_are_none_whatever_the_noise_may_be():
+    """The evidence of the fitted data and of all data are averaged over the same noises."""
+    problem = case(0, 10.0, 8.0, kept_out=False)
+    none = problem.forward.noise_shapes
+    noises = tuple(PossibleNoise(0.0, np.full(ROWS, variance), none) for variance in (0.0, 8.0))
+    kept, rounds = checked(replace(problem, noises={"flow": noises}))
+    assert kept == [FIRST, LATER]
+    assert all(abs(entry.held_out_gain) < 1e-6 < entry.evidence_gain for entry in rounds)
 
 
 def test_an_effect_outweighed_by_held_out_data_is_removed():

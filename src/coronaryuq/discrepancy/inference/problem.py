@@ -90,6 +90,11 @@ class Problem:
         """All data under each noise that they may have."""
         return Data(self, np.ones(len(self.y), dtype=bool))
 
+    @cached_property
+    def fitted_data(self) -> Data:
+        """The fitted data under each noise that they may have."""
+        return Data(self, self.train)
+
     @property
     def unresolved(self) -> bool:
         """Whether no steps tell the time-step error at a fit, so that it is an error of the waveforms."""

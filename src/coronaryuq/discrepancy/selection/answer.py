@@ -135,11 +135,12 @@ def answer(
     """
     wiring = [placed for placed in hypothesis if not placed.effect.nameable]
     implausible = beyond(fit, hypothesis, RULE.implausible)
-    constancies = constancy(problem, fit, hypothesis)
+    constancies: list[Constancy] = []
     nothing, alone = without_effects(plain)
     named, device, other, seen = -np.inf, "", {ALONE: alone}, plain
     if hypothesis:
         model, lacking = linearise(problem, fit.z, hypothesis), fit.unreached
+        constancies = constancy(problem, model, hypothesis)
         prior = log_prior_of_errors(problem, hypothesis, log_priors, possible)
         found = problem.all_data.evidence(model.at_zero, model.jacobian, lacking)
         right = prior + found.right

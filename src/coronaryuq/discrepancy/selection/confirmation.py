@@ -26,7 +26,7 @@ def confirm(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds) 
         for number, (placed, fewer, without) in enumerate(zip(hypothesis, others, fits, strict=True)):
             entry = round_of(rounds, placed)
             total = np.inf if without is None else present - _evidence(problem, without, fewer)
-            evidence_gain = np.inf if without is None else fit.evidence - without.evidence
+            evidence_gain = np.inf if without is None else _of_fitted(problem, fit) - _of_fitted(problem, without)
             odds[number] = total + entry.class_log_prior
             held_out_gain = total - evidence_gain if np.isfinite(total) else np.inf
             checked = replace(entry, evidence_gain=evidence_gain, held_out_gain=held_out_gain)
@@ -50,3 +50,8 @@ def _evidence(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> float:
         return evidence_of_all(problem, fit, hypothesis).right
     except FloatingPointError:
         return -np.inf
+
+
+def _of_fitted(problem: Problem, fit: Fit) -> float:
+    """Return the log evidence of the fitted data, averaged over the same noises as that of all data."""
+    return problem.fitted_data.evidence(fit.at_zero, fit.jacobian, fit.unreached).right

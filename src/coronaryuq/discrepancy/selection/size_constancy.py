@@ -11,7 +11,7 @@ from scipy.linalg import null_space
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 
 FLAT = 1e3
@@ -23,7 +23,7 @@ class Constancy:
     """Evidence that the size of an effect differs between conditions.
 
     log_odds: of sizes that differ, with the spread of the prior, against one size. sizes: condition → mean and standard
-    deviation of the first size z, for every condition fitted as a whole (for all, if there is only one).
+    deviation of the first size z.
     """
 
     placed: PlacedEffect
@@ -40,51 +40,48 @@ class Constancy:
         return {name: size for name, size in self.sizes.items() if size[1] <= max(RULE.informed_size, second)}
 
 
-def constancy(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> list[Constancy]:
-    """Return the constancy of each effect in turn, in the linear model about the fit.
+def constancy(problem: Problem, model: Linear, hypothesis: Hypothesis) -> list[Constancy]:
+    """Return the constancy of each effect in turn by all data, held-out ones included, in the model about a fit.
 
     Conditions are separate runs, so the rows of a condition depend on that condition's size alone: sensitivities to it
     are those to the common size, and zero in all other rows. The odds are a Bayes factor with equal priors of the
     contrasts between conditions; the common size is unrestricted, because a common size far out in its prior is not a
     difference. The size of an effect that acts under one condition alone cannot differ.
     """
-    conditions = problem.condition[problem.train]
-    names = [str(name) for name in dict.fromkeys(conditions)]
-    whole = [name for name in names if problem.train[problem.condition == name].all()]
+    names = list(problem.forward.conditions)
     contrasts = null_space(np.ones((1, len(names))))
-    constancies, free = [], _free(fit, hypothesis)
-    common = problem.flexible.posterior(free.at_zero, free.jacobian).right
+    constancies, free = [], _free(model, hypothesis)
+    common = problem.all_data.evidence(free.at_zero, free.jacobian).right
     for placed in hypothesis:
-        columns, count = hypothesis.columns(fit.z, placed), len(placed.effect.parameters)
-        own = fit.jacobian[:, columns]
-        by_condition = np.hstack([own * (conditions == name)[:, None] for name in names])
-        differing = by_condition @ np.kron(contrasts, np.eye(count))
-        separate = problem.flexible.posterior(free.at_zero, np.hstack([free.jacobian, differing])).right
-        acting = [name for name in names if own[conditions == name].any()]
+        columns, count = hypothesis.columns(model.z, placed), len(placed.effect.parameters)
+        own = model.jacobian[:, columns]
+        by_condition = np.hstack([own * (problem.condition == name)[:, None] for name in names])
+        differing = free.extended(by_condition @ np.kron(contrasts, np.eye(count)))
+        acting = [name for name in names if own[problem.condition == name].any()]
+        separate = problem.all_data.evidence(differing.at_zero, differing.jacobian).right
         log_odds = separate - common if len(acting) > 1 else -np.inf
-        sizes = _sizes(fit, by_condition, columns.start, count, names)
-        shown = whole if len(whole) > 1 else names
-        constancies.append(Constancy(placed, float(log_odds), {name: sizes[name] for name in shown}))
+        sizes = _sizes(model, by_condition, columns.start, count, names)
+        constancies.append(Constancy(placed, float(log_odds), sizes))
     return constancies
 
 
-def _free(fit: Fit, hypothesis: Hypothesis) -> Fit:
-    """Return the fit with an uninformative prior of the sizes."""
-    wide = np.ones(len(fit.z))
+def _free(model: Linear, hypothesis: Hypothesis) -> Linear:
+    """Return the model with an uninformative prior of the sizes."""
+    wide = np.ones(len(model.z))
     hypothesis.all_sizes(wide)[:] = FLAT
-    return Fit(fit.z / wide, fit.residual, fit.jacobian * wide)
+    return Linear(model.z / wide, model.residual, model.jacobian * wide)
 
 
 def _sizes(
-    fit: Fit, by_condition: np.ndarray, column: int, count: int, names: list[str]
+    model: Linear, by_condition: np.ndarray, column: int, count: int, names: list[str]
 ) -> dict[str, tuple[float, float]]:
     """Return the first size under each condition, the common one plus a difference, with all other parameters free."""
-    sensitivities = np.hstack([fit.jacobian, by_condition])
-    covariance = np.linalg.inv(np.eye(sensitivities.shape[1]) + sensitivities.T @ sensitivities)
-    mean = covariance @ (sensitivities.T @ (fit.residual + fit.jacobian @ fit.z))
+    wide = model.extended(by_condition)
+    covariance = np.linalg.inv(np.eye(len(wide.z)) + wide.jacobian.T @ wide.jacobian)
+    mean = covariance @ (wide.jacobian.T @ wide.at_zero)
     sizes = {}
     for number, name in enumerate(names):
         pick = np.zeros(len(mean))
-        pick[[column, len(fit.z) + number * count]] = 1.0
+        pick[[column, len(model.z) + number * count]] = 1.0
         sizes[name] = float(pick @ mean), float(np.sqrt(pick @ covariance @ pick))
     return sizes
