@@ -11,7 +11,6 @@ from coronaryuq.core import units
 from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.network_values import with_values
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
@@ -19,6 +18,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.intramyocardial import ventricular_pressure
 from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network.changes import with_changes
 from support.hypotheses import assume
 
 REST = Condition("rest")
@@ -56,7 +56,7 @@ def test_two_effects_on_one_waveform_both_act():
 def test_the_second_effect_acts_on_the_network_changed_by_the_first():
     forward = model()
     table, network = forward.condition_changes("rest", np.array([0.0] * len(forward.nuisances) + [1.0]), assume(DELAY))
-    written = model(with_values(network, table))
+    written = model(with_changes(network, table))
     both = predicted(forward, [PIM, DELAY], -1.0, 1.0)[:40]
     assert both == pytest.approx(predicted(written, [PIM], -1.0)[:40], abs=2e-3)
 
@@ -161,6 +161,14 @@ def test_exchanged_channels_read_each_other_although_sampled_at_other_times(name
     whole = effect(name).parameters[0].to_standard(1.0)
     read = predicted(model(measured=[one, other]), [(effect(name), " and ".join(places))], whole)
     assert read == pytest.approx(predicted(model(measured=crossed)), rel=1e-12)
+
+
+def test_crosstalk_adds_a_fraction_of_the_other_flow_at_the_same_times():
+    one, other = (waveform(REST, "flow", place, 40) for place in ("lad:BC_lad", "lcx:BC_lcx"))
+    own, added = np.split(predicted(model(measured=[one, other])), 2)
+    share = effect("flow_crosstalk").parameters[0].to_standard(0.3)
+    read = predicted(model(measured=[one, other]), [(effect("flow_crosstalk"), "lad:BC_lad with lcx:BC_lcx")], share)
+    assert read == pytest.approx(np.concatenate([own + 0.3 * added, added]), rel=1e-9)
 
 
 @pytest.mark.parametrize(

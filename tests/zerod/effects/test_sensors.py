@@ -54,3 +54,4 @@ def test_every_pair_of_one_quantity_may_be_exchanged():
     series = [*means("flow", "a:b"), *means("flow", "b:c"), *means("flow", "c:d"), *means("pressure", "a:b")]
     assert effect("exchanged_flows").places(None, series) == ["a:b and b:c", "a:b and c:d", "b:c and c:d"]
     assert effect("exchanged_pressures").places(None, series) == []
+    assert effect("flow_crosstalk").places(None, series)[:3] == ["a:b with b:c", "a:b with c:d", "b:c with a:b"]

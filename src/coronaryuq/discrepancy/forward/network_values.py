@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from coronaryuq.case.network.network import HEART, Network
+from coronaryuq.case.network.network import Network
 from coronaryuq.discrepancy.data.apply_condition import ELEMENTS, WAVEFORMS, is_number, period_of
 from coronaryuq.zerod.effects.base import sampled
 from coronaryuq.zerod.network.numbering import PERIOD
@@ -37,40 +37,3 @@ def differences(own: Network, other: Network) -> dict[str, float | np.ndarray]:
 def inner_unknowns(unknowns: list[str]) -> list[str]:
     """Return the unknowns inside the heart and beds, which are not a flow or pressure between blocks."""
     return [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]
-
-
-def with_values(network: Network, table: dict) -> Network:
-    """Return the network with new values, "BLOCK.parameter" → number or waveform on an even grid over the cycle.
-
-    Blocks without changes are shared with `network`.
-    """
-    changed: dict[str, dict] = {}
-    for name, value in table.items():
-        block, _, parameter = name.rpartition(".")
-        changed.setdefault(block, {})[parameter] = value
-    found = Network(network)
-    for part, key, values in (
-        ("vessels", "vessel_name", "zero_d_element_values"),
-        ("boundary_conditions", "bc_name", "bc_values"),
-    ):
-        found[part] = [
-            entry | {values: _with(entry[values], changed[entry[key]], network)} if entry[key] in changed else entry
-            for entry in network[part]
-        ]
-    if HEART in changed:
-        heart, *others = network["closed_loop_blocks"]
-        parameters = _with(heart["parameters"], changed[HEART], network)
-        found["closed_loop_blocks"] = [heart | {"parameters": parameters}, *others]
-    return found
-
-
-def _with(values: dict, changed: dict, network: Network) -> dict:
-    found = dict(values)
-    for parameter, value in changed.items():
-        if np.ndim(value) == 0:
-            found[parameter] = float(value)
-            continue
-        found[parameter] = np.asarray(value, dtype=float).tolist()
-        if len(found["t"]) != len(value) or not np.allclose(np.diff(found["t"], n=2), 0.0):
-            found["t"] = np.linspace(0.0, period_of(network), len(value)).tolist()
-    return found

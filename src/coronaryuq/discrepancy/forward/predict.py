@@ -17,7 +17,7 @@ from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, del
 from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
-from coronaryuq.discrepancy.forward.network_values import inner_unknowns, with_values
+from coronaryuq.discrepancy.forward.network_values import inner_unknowns
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.pullbacks import REDUCE, Extents, extents, pressures, read
 from coronaryuq.discrepancy.forward.simulation import Simulation
@@ -25,6 +25,7 @@ from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.grafting import into_bed
+from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.solver.engine import Engine
 
 Row = tuple[np.ndarray, Hypothesis]
@@ -323,7 +324,7 @@ class Forward:
         acting = [pair for pair in zip(hypothesis, sizes, strict=True) if pair[0].effect.side == "network"]
         for (effect, place), values in sorted(acting, key=lambda pair: pair[0].key):
             arrays = {name: np.array([value]) for name, value in values.items()}
-            present = with_values(network, changes) if changes else network
+            present = with_changes(network, changes) if changes else network
             found = effect.changes(present, place, arrays, self.anatomy, situation)
             changes |= {key: np.asarray(value, dtype=float)[0] for key, value in found.items()}
         return changes

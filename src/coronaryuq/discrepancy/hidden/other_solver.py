@@ -9,8 +9,8 @@ from coronaryuq.case.network.network import Network
 from coronaryuq.core import provenance
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, stack
 from coronaryuq.discrepancy.forward.lockstep import Computation
-from coronaryuq.discrepancy.forward.network_values import with_values
 from coronaryuq.discrepancy.forward.simulation import LOOSE, MOST_CYCLES, PATIENCE, TOLERANCE, Simulation
+from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.svzerodsolver.program import expressible, last_cycle
 
@@ -43,7 +43,7 @@ class SvZeroDSimulation(Simulation):
     def waveforms(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Computation[Waves]:
         """Return waveforms name → (jobs, steps + 1), as `Simulation.waveforms` does."""
         self.runs += len(jobs)
-        networks = [with_values(prepared.networks[job.condition], job.table(prepared)) for job in jobs]
+        networks = [with_changes(prepared.networks[job.condition], job.table(prepared)) for job in jobs]
         keys = [self._key(network, names) for network in networks]
         missing = [number for number, key in enumerate(keys) if key not in self._kept]
         if len(self._kept) + len(missing) > MOST_KEPT:

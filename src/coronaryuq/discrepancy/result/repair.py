@@ -16,7 +16,7 @@ from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, write_conditions
 from coronaryuq.discrepancy.data.measurements import COLUMNS, PULLBACK_COLUMNS, UNITS
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.forward.network_values import scalars, with_values
+from coronaryuq.discrepancy.forward.network_values import scalars
 from coronaryuq.discrepancy.forward.nuisance import element_factors
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.forward.pullbacks import extents
@@ -24,6 +24,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.zerod.effects.grafting import renamed_again
 from coronaryuq.zerod.effects.pullback import CHECK
 from coronaryuq.zerod.effects.wiring_error import WiringError
+from coronaryuq.zerod.network.changes import with_changes
 
 Drives = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 """(condition, block) → times and values of a drive."""
@@ -49,7 +50,7 @@ def repaired_network(forward: Forward, hypothesis: Hypothesis, z: np.ndarray) ->
     simulation = forward.simulation.changed(conditions={plain.name: plain})
     alone = replace(forward, simulation=simulation, measured=[], shapes=None)
     table, structure = alone.condition_changes(plain.name, z, hypothesis)
-    network = with_values(structure, {**table, **_by_vessels(forward, z, scalars(structure) | table)})
+    network = with_changes(structure, {**table, **_by_vessels(forward, z, scalars(structure) | table)})
     network = network.deep_copy()
     for name, (start, end) in extents(hypothesis, hypothesis.physical_sizes(z), forward.anatomy).items():
         network.vessel(name)["placed_in"] = {"start": start, "end": end}
@@ -247,3 +248,9 @@ def rewired(forward: Forward, errors: Sequence[PlacedEffect]) -> Model:
         {(name, block): wave for name, condition in conditions for block, wave in condition.drive.items()},
         "\n".join([*lines, *changed_lines(forward.network, network, renamed)]) + "\n",
     )
+
+
+def wiring_statement(placed: PlacedEffect) -> str:
+    """State a wiring error of the model; empty for an effect."""
+    error, place = placed
+    return error.statement(place) if isinstance(error, WiringError) else ""

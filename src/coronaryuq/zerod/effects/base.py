@@ -212,6 +212,11 @@ class Effect(ABC):
         return None
 
     @property
+    def reads_elsewhere(self) -> bool:
+        """Whether a reading contains a waveform of another location."""
+        return type(self).elsewhere is not Effect.elsewhere
+
+    @property
     def reads_waveforms(self) -> bool:
         """Whether it acts on simulated waveforms, before they are sampled or averaged."""
         return type(self).read is not Effect.read or type(self).delay is not Effect.delay

@@ -1,11 +1,11 @@
-"""Effects of the beds: back pressure, autoregulation, incomplete hyperaemia, compressed resistance."""
+"""Effects of the beds: compliance, back pressure, autoregulation, incomplete hyperaemia, compressed resistance."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.zerod.effects.anatomy import ARTERIOLAR, Anatomy
+from coronaryuq.zerod.effects.anatomy import ARTERIOLAR, COMPLIANCES, Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 
 ALL = "all beds"
@@ -25,6 +25,32 @@ def _groups(anatomy: Anatomy) -> list[str]:
     if len(single) == 1:
         return [ALL]
     return [ALL, *(trees if len(anatomy.ostia) > 1 else []), *single]
+
+
+class BedCompliance(Effect):
+    """Bed that stores more or less blood than in the model, beyond the usual spread of its compliance."""
+
+    name = "bed_compliance"
+    formula = "C = C_model exp(s) for every compliance of the bed"
+    source = "Spaan, Coronary Blood Flow (1991), chapter 6 (intramyocardial compliance)"
+    signature = "pulse of the flow into one bed too large or too small, in every condition; its mean is right"
+    native = "Ca, Cc (Ca, Cim; C) of the bed"
+    parameters = (Parameter("log_factor", "1", "normal", 0.0, 1.0, "logarithm of the factor on its compliances"),)
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        return [bed for bed in anatomy.beds if _compliances(anatomy.network, bed)]
+
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        factor = np.exp(np.asarray(sizes["log_factor"], dtype=float))
+        return {f"{place}.{name}": value * factor for name, value in _compliances(network, place).items()}
+
+    def describe(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
+        return "factor on its compliances", float(np.exp(size))
+
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
+        return {"factor on its compliances": float(np.exp(sizes["log_factor"]))}
 
 
 class BackPressure(Effect):
@@ -162,3 +188,9 @@ def arteriolar(network: Network, bed: str) -> dict[str, float]:
     values = network.bed_values(bed)
     names = [name for name in ARTERIOLAR if name in values] or [name for name in ("Rp", "Rd", "R") if name in values]
     return {name: values[name] for name in names}
+
+
+def _compliances(network: Network, bed: str) -> dict[str, float]:
+    """Return the compliances of a bed that are not zero, by name."""
+    values = network.bed_values(bed)
+    return {name: values[name] for name in COMPLIANCES if values.get(name)}

@@ -1,7 +1,13 @@
 """Library of effects, in the order in which they are reported."""
 
 from coronaryuq.zerod.effects.base import Effect
-from coronaryuq.zerod.effects.beds import Autoregulation, BackPressure, CompressedResistance, IncompleteHyperaemia
+from coronaryuq.zerod.effects.beds import (
+    Autoregulation,
+    BackPressure,
+    BedCompliance,
+    CompressedResistance,
+    IncompleteHyperaemia,
+)
 from coronaryuq.zerod.effects.collateral import Collateral, DistalCollateral
 from coronaryuq.zerod.effects.drive import DriveGain
 from coronaryuq.zerod.effects.exchanged_outlets import ExchangedOutlets
@@ -24,6 +30,7 @@ from coronaryuq.zerod.effects.perfusion import MBFUnderestimation, RotatedTerrit
 from coronaryuq.zerod.effects.probe_places import (
     ExchangedFlows,
     ExchangedPressures,
+    FlowCrosstalk,
     MisplacedFlow,
     MisplacedPressure,
 )
@@ -59,6 +66,7 @@ LIBRARY: tuple[Effect, ...] = (
     IntramyocardialPressure(),
     IntramyocardialDelay(),
     CompressedResistance(),
+    BedCompliance(),
     BackPressure(),
     Autoregulation(),
     IncompleteHyperaemia(),
@@ -90,6 +98,7 @@ LIBRARY: tuple[Effect, ...] = (
     FlowLowPass(),
     MisplacedFlow(),
     ExchangedFlows(),
+    FlowCrosstalk(),
     TriggerDelay(),
     BeatAveraging(),
     WireDrift(),

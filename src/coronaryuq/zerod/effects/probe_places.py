@@ -1,8 +1,8 @@
-"""Probes that read at other places than stated: misplaced, or with their channels exchanged."""
+"""Probes that read at other places than stated: misplaced, with their channels exchanged, or another one as well."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from itertools import combinations
+from itertools import combinations, permutations
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Parameter, Series, Values
 from coronaryuq.zerod.effects.sensors import Sensor
 
-TOWARDS, AND = " towards ", " and "
+TOWARDS, AND, WITH = " towards ", " and ", " with "
 
 
 class _ReadsElsewhere(Sensor):
@@ -135,3 +135,35 @@ class ExchangedFlows(_Exchanged):
     signature = "each of two flows is predicted by the other, in every phase and condition"
     quantities: ClassVar[tuple[str, ...]] = ("flow",)
     parameters = (SHARE,)
+
+
+class FlowCrosstalk(Sensor):
+    """Flow to which a part of another one is added: crosstalk, or a sample volume that includes another vessel.
+
+    Places: each ordered pair of sensors, FLOW with OTHER.
+    """
+
+    name = "flow_crosstalk"
+    formula = "Q_read = Q + s Q_other"
+    source = "Gatehouse et al., J. Cardiovasc. Magn. Reson. 12 (2010) 5 (planes and vessels in flow measurement)"
+    signature = "one flow too large by a fraction of another one, in every phase and condition"
+    quantities: ClassVar[tuple[str, ...]] = ("flow",)
+    parameters = (Parameter("share", "1", "lognormal", 0.2, 0.7, "fraction of the other flow that is added"),)
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        return [WITH.join(pair) for pair in permutations(super().places(anatomy, observed), 2)]
+
+    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> str | None:
+        location, other = place.split(WITH)
+        return other if series.location == location and self._reads(series) else None
+
+    def read(
+        self,
+        place: str,
+        sizes: Values,
+        series: Series,
+        wave: np.ndarray,
+        other: np.ndarray | None,
+        anatomy: Anatomy,
+    ) -> np.ndarray:
+        return wave if other is None else wave + np.asarray(sizes["share"], dtype=float)[:, None] * other

@@ -3,20 +3,25 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.numbering import PERIOD
 
+Changes = Mapping[str, float] | Mapping[str, np.ndarray] | Mapping[str, float | np.ndarray]
 
-def with_changes(network: Network, changes: Mapping[str, float], file: str | Path = "network") -> Network:
-    """Return a copy of the network with scalar `changes` written into it.
+
+def with_changes(network: Network, changes: Changes, file: str | Path = "network") -> Network:
+    """Return a copy of the network with `changes` written into it.
 
     Parameters
     ----------
     network : Network
         A checked network.
-    changes : mapping of str to float
-        "BLOCK.parameter" → value. A changed period stretches the waveforms with it.
+    changes : mapping of str to float or array
+        "BLOCK.parameter" → value, or waveform at even times over the cycle. A changed period stretches the waveforms
+        with it.
     file : str or Path
         Name for error messages.
 
@@ -48,9 +53,27 @@ def with_changes(network: Network, changes: Mapping[str, float], file: str | Pat
             raise InputError(file, name, None, "no block of the network has this name")
         if place:
             values[block][parameter][int(place.rstrip("]"))] = float(value)
+        elif np.ndim(value):
+            _set_waveform(values[block], parameter, np.asarray(value, dtype=float), _period(changed))
         else:
             own.get(name, values[block])[parameter] = float(value)
     return changed
+
+
+def _period(network: Network) -> float:
+    """Return the cardiac period (s): that of the heart, or of the longest waveform."""
+    if network.closed_loop:
+        return float(network.heart["cardiac_cycle_period"])
+    return max(
+        element.values["t"][-1] - element.values["t"][0] for element in network.elements() if "t" in element.values
+    )
+
+
+def _set_waveform(values: dict, parameter: str, waveform: np.ndarray, period: float) -> None:
+    """Set a waveform of a block; its times are kept if they are as many and even."""
+    values[parameter], times = waveform.tolist(), values["t"]
+    if len(times) != len(waveform) or not np.allclose(np.diff(times, n=2), 0.0):
+        values["t"] = np.linspace(0.0, period, len(waveform)).tolist()
 
 
 def _set_period(network: Network, period: float) -> None:
