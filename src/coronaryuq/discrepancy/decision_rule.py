@@ -56,7 +56,9 @@ class DecisionRule:
         5, "candidates", "Maximum number of rivals fitted in full in a backward step or after re-screening."
     )
     likeliest_effects: int = _threshold(
-        3, "effects", "Effects whose best candidate is fitted where no test alarms or no candidate is worth naming."
+        3,
+        "effects",
+        "Effects fitted where no test alarms or no candidate is worth naming; shortlisted by their score tests alone.",
     )
     class_odds: float = _threshold(
         3.0, "nats", "Log odds, or log Bayes factor, below which data cannot distinguish two candidates: 20 to 1."

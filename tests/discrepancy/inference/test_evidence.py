@@ -1,6 +1,7 @@
 """Evidence averaged over noises and places of something else: against dense covariances, and in whole searches."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -108,14 +109,17 @@ def test_the_evidence_is_the_mean_of_the_densities_of_the_data(problem, noises):
 
     def anywhere(pair) -> float:
         each = [[in_rows(rows, UNKNOWN, pair) for rows in form] for form in forms]
-        each.append([in_rows(rows, UNKNOWN, pair, common=True) for rows in rows_of(0)])
-        return float(logsumexp([logsumexp(form) - np.log(len(form)) for form in each]) - np.log(5.0))
+        for where in (0,), (0, 2):
+            each.append([in_rows(rows, UNKNOWN, pair, common=True) for rows in rows_of(*where)])
+        return float(logsumexp([logsumexp(form) - np.log(len(form)) for form in each]) - np.log(6.0))
 
     assert found.unknown == pytest.approx(averaged(problem, noises, anywhere) + constant - 2.5, abs=1e-6)
     assert len(found.shown) == 1 + 2 + 3 + 3
-    for where, rows in ((("pressure", "b", ""), rows_of(0, 1)[1]), (("pressure", "", "pacing"), rows_of(0, 2)[1])):
-        only = averaged(problem, noises, lambda pair, rows=rows: in_rows(rows, UNKNOWN, pair)) - np.log(5.0 * 3.0)
-        assert found.shown[where] == pytest.approx(only + constant - 2.5, abs=1e-6)
+    at_b, paced = rows_of(0, 1)[1], rows_of(0, 2)[1]
+    for where, rows, shapes in (("b", ""), at_b, (False,)), (("", "pacing"), paced, (False, True)):
+        each = [averaged(problem, noises, partial(in_rows, rows, UNKNOWN, common=one)) for one in shapes]
+        only = logsumexp(each) - np.log(6.0 * 3.0)
+        assert found.shown["pressure", *where] == pytest.approx(only + constant - 2.5, abs=1e-6)
 
 
 def test_without_other_noises_a_right_model_has_the_evidence_of_its_posterior(problem):
@@ -149,7 +153,7 @@ def test_something_else_in_single_values_alone_is_no_larger_error_of_them(proble
 
     both, one = in_rows(np.ones(SAMPLES + 1)), in_rows(np.r_[np.ones(SAMPLES), 0.0])
     constant = 0.5 * (SAMPLES + 1) * np.log(2.0 * np.pi)
-    assert found == pytest.approx(logsumexp([both, one, one, one, one]) - np.log(5.0) + constant, abs=1e-7)
+    assert found == pytest.approx(logsumexp([both, one, one, one, one, one]) - np.log(6.0) + constant, abs=1e-7)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.result import phrases
-from coronaryuq.discrepancy.result.facts import by_condition, described_sizes, noise_excess, prior_conflicts
+from coronaryuq.discrepancy.result.facts import by_condition, described_sizes, prior_conflicts
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
@@ -42,11 +42,16 @@ def test_a_flexible_discrepancy_is_mentioned_only_if_it_predicts_better(after, f
 
 
 @pytest.mark.parametrize(
-    ("smooth", "excess"), [(0.4, 1.5), (1e-5, None)], ids=["white residuals", "residuals with a pattern"]
+    ("value", "low", "high", "text"),
+    [
+        (0.204, 0.191, 0.222, "0.2 (0.19 to 0.22)"),
+        (11.04, 10.9, 11.2, "11 (10.9 to 11.2)"),
+        (1.0, 1.0, 1.0, "1 (1 to 1)"),
+    ],
 )
-def test_large_noise_is_distinguished_from_a_missing_effect(smooth, excess):
-    located = Located(1e-9, {"all residuals": 1e-9, "smooth part": smooth, "best candidate": 0.2}, [], [])
-    assert noise_excess(located, 1.5**2, LEVEL) == (excess and pytest.approx(excess))
+def test_an_interval_is_never_rounded_to_its_value(value, low, high, text):
+    assert phrases.interval_text(value, low, high).startswith(text.split()[0][:2])
+    assert phrases.interval_text(value, low, high) == text
 
 
 def test_a_model_that_fits_but_does_not_predict_gets_a_warning():

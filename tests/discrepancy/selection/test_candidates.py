@@ -51,6 +51,13 @@ def test_distinguishable_candidates_and_model_errors_add_nothing_to_a_class():
     assert class_log_weight(error, [best, far, error]) == error.log_weight
 
 
+def test_the_clearest_score_tests_are_shortlisted_however_little_they_promise():
+    """About a distorted fit, the linear estimate of a strong effect may be below those of its rivals."""
+    several = [replace(candidate(0.0), placed=here(f"effect {k}"), z_score=2.0, estimate=-float(k)) for k in range(20)]
+    clear = replace(several[-1], z_score=2.9)
+    assert [c.placed for c in shortlist([*several[:-1], clear], 4)][-1] == clear.placed
+
+
 def test_a_candidate_without_a_fit_has_no_weight():
     unfitted = Candidate(here("made up"), 0.0)
     assert unfitted.log_weight == -np.inf

@@ -10,8 +10,9 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Search, maximise
 from coronaryuq.discrepancy.selection.candidates import Candidate
-from coronaryuq.discrepancy.selection.score_test import SHAPE_CHANGING, SIGNED, screen
+from coronaryuq.discrepancy.selection.score_test import SHAPE_CHANGING, SIGNED, _worth_rerunning, screen
 from coronaryuq.zerod.effects.base import Parameter
+from coronaryuq.zerod.effects.library import effect
 from support.hypotheses import assume
 from support.linear_problem import LinearForward, fit_of, linear_problem, made_up
 
@@ -195,6 +196,19 @@ def test_each_of_many_collaterals_is_run():
     candidates = screened(design, responses, y)
     assert all(candidate.response is not None for candidate in candidates)
     assert max(candidates, key=lambda c: c.promise).placed == hidden
+
+
+def test_what_a_probe_reads_elsewhere_is_read_again_about_every_point():
+    """Two flows that are alike about one point may be far apart about another."""
+    known = [
+        Candidate(PlacedEffect(made_up(f"made up {number}"), "here"), 0.0, estimate=float(number))
+        for number in range(99)
+    ]
+    several = [replace(c, placed=PlacedEffect(known[0].effect, f"place {k}")) for k, c in enumerate(known)]
+    exchange = [replace(c, placed=PlacedEffect(effect("exchanged_flows"), f"place {k}")) for k, c in enumerate(known)]
+    again = _worth_rerunning([*several, *exchange])
+    assert {c.placed for c in exchange} <= {c.placed for c in again}
+    assert len(again) < len(several) + len(exchange)
 
 
 def test_a_response_known_about_another_point_is_used_unless_it_may_matter():

@@ -86,8 +86,8 @@ class Data:
         }
         alone, shared = (gp_discrepancy.features(problem, common)[chosen] for common in (False, True))
         several = {number for number, one in enumerate(series) if one.value.size > 1}
-        everywhere, by_quantity, by_place, by_condition, common = (
-            defaultdict[Where, list[Part]](list) for _ in range(5)
+        everywhere, by_quantity, by_place, by_condition, common, common_there = (
+            defaultdict[Where, list[Part]](list) for _ in range(6)
         )
         blocks = gp_discrepancy.blocks(problem)[chosen]
         for number in np.unique(blocks):
@@ -102,11 +102,12 @@ class Data:
                 part = Part(rows[one], alone[rows[one]], name, self.noises[name])
                 by_condition[name, "", series[one].condition].append(part)
         for name in self.names:
-            read = [rows[number] for number in sorted(several & rows.keys()) if series[number].quantity == name]
-            if read:
-                all_read = np.concatenate(read)
-                common[name, "", ""].append(Part(all_read, shared[all_read], name, self.noises[name]))
-        self.forms = [form for form in (everywhere, by_quantity, by_place, by_condition, common) if form]
+            mine = [number for number in sorted(several & rows.keys()) if series[number].quantity == name]
+            for condition in dict.fromkeys(("", *(series[number].condition for number in mine)) if mine else ()):
+                read = [rows[number] for number in mine if condition in ("", series[number].condition)]
+                all_read, form = np.concatenate(read), common_there if condition else common
+                form[name, "", condition].append(Part(all_read, shared[all_read], name, self.noises[name]))
+        self.forms = [form for form in (everywhere, by_quantity, by_place, by_condition, common, common_there) if form]
         """Parts of the data in which something else may be, by where it then shows."""
 
     def evidence(self, at_zero: np.ndarray, jacobian: np.ndarray, lacking: float = 0.0) -> "Evidence":

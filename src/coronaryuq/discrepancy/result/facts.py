@@ -23,7 +23,7 @@ def facts(discovery: Discovery) -> dict:
     -------
     dict
         measurements, objective: number of fitted measurements and sum of squares of the recalibrated model.
-        noise_excess: see the function. worst: the group with the largest misfit. best: the effects of the best
+        worst: the group with the largest misfit. best: the effects of the best
         hypothesis, named or not. answer: the answer given, and the probabilities of all. unexplained: whether
         a misfit remains.
     """
@@ -32,7 +32,6 @@ def facts(discovery: Discovery) -> dict:
     return {
         "measurements": count,
         "objective": float(objective),
-        "noise_excess": noise_excess(located, objective / count, level),
         "worst": next(({name: getattr(group, name) for name in WHERE} for group in located.groups), None),
         "best": [_described(discovery, placed) for placed in discovery.hypothesis],
         "answer": {
@@ -109,13 +108,6 @@ def _size_label(placed: PlacedEffect, parameter: Parameter, anatomy: Anatomy) ->
     """Return a short name of a size: the parameter's, unless the effect describes it differently in this network."""
     meaning, _ = placed.effect.describe(parameter, float(parameter.from_standard(0.0)), anatomy)
     return parameter.name.replace("_", " ") if meaning == parameter.meaning else meaning
-
-
-def noise_excess(located: Located, mean_square: float, level: float) -> float | None:
-    """Return the ratio of noise to its stated size if residuals are too large but no other test rejects, else None."""
-    if any(p < level for name, p in located.tests.items() if name != "all residuals"):
-        return None
-    return float(np.sqrt(mean_square))
 
 
 def prior_conflicts(located: Located, nuisances: list[Nuisance], level: float) -> list[dict]:

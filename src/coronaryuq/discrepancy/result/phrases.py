@@ -123,7 +123,8 @@ def varying_text(best: Sequence[Mapping]) -> str:
 def size_text(sizes: Sequence[Mapping]) -> str:
     """State the sizes of an effect with 90 % intervals."""
     return ", ".join(
-        f"{'read early by' if size['early'] else size['meaning']} {_interval(size['value'], size['low'], size['high'])}"
+        f"{'read early by' if size['early'] else size['meaning']} "
+        + interval_text(size["value"], size["low"], size["high"])
         + " s" * size["early"]
         for size in sizes
     )
@@ -131,12 +132,17 @@ def size_text(sizes: Sequence[Mapping]) -> str:
 
 def sizes_by_condition(varying: Mapping) -> str:
     """State the first size of an effect under each condition that determines it, with 90 % intervals."""
-    sizes = [f"{condition} {_interval(*values)}" for condition, values in varying["conditions"].items()]
+    sizes = [f"{condition} {interval_text(*values)}" for condition, values in varying["conditions"].items()]
     return f"{varying['label']}: {', '.join(sizes)} {varying['unit']}".rstrip()
 
 
-def _interval(value: float, low: float, high: float) -> str:
-    return f"{value:.2g} ({low:.2g} to {high:.2g})"
+def interval_text(value: float, low: float, high: float) -> str:
+    """Format a value with its interval, to two digits or as many as tell the ends from the value."""
+    for digits in range(2, 7):
+        text, *ends = (f"{one:.{digits}g}" for one in (value, low, high))
+        if text not in ends:
+            break
+    return f"{text} ({' to '.join(ends)})"
 
 
 def misfit_change(before: float, after: float) -> str:
@@ -195,7 +201,7 @@ def capitalised(text: str) -> str:
 
 def label_text(effect: Mapping) -> str:
     """Name an effect and its place."""
-    return f"{effect['effect'].replace('_', ' ')} at {effect['place']}"
+    return f"{effect['effect'].replace('_', ' ')} at {effect['place'].replace('~', ' and ')}"
 
 
 def p_text(p: float) -> str:

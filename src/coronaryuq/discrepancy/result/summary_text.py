@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.result.phrases import (
     class_probability_text,
     conflict_text,
     flexible_text,
+    interval_text,
     label_text,
     listed,
     misfit_change,
@@ -54,15 +55,17 @@ def paragraph(answer: Mapping) -> str:
     count, p = facts["measurements"], answer["global_test"]["p"]
     data_notes = noise_notes(answer["noise"]) + outlier_notes(answer["outliers"])
     if answer["consistent"]:
+        nothing = facts["answer"]["probabilities"][NOTHING]
         agreement = (
             f"leaves a misfit to the {count} fitted measurements (global test {p_text(p)}), but one within the error "
-            f"of a right model: nothing is missing (probability {facts['answer']['probabilities'][NOTHING]:.2f}). "
+            "of a right model: nothing is missing"
             if answer["alarm"]
-            else f"agrees with the {count} fitted measurements (global test {p_text(p)}): there is nothing to explain. "
+            else f"agrees with the {count} fitted measurements (global test {p_text(p)}): there is nothing to explain"
         )
         text = data_notes + (
-            f"After recalibration within its priors, the model {agreement}"
-            f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
+            f"After recalibration, the model {agreement} (probability {nothing:.2f}). "
+            + conflict_text("Recalibration moves", answer["prior_conflicts"])
+            + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
         )
         return (
             text + overstated_sd_warning(facts["objective"], count) + prediction_warning(gaps["p_held_out"], held_out)
@@ -77,12 +80,6 @@ def paragraph(answer: Mapping) -> str:
         "are more probable if something is missing. "
     )
     text += conflict_text("Recalibration has to move", answer["prior_conflicts"])
-    excess = facts["noise_excess"]
-    if answer["alarm"] and not answer["named"] and excess is not None:
-        return text + (
-            f"No test finds a pattern in the residuals: the noise appears to be {excess:.2f} times as large as the "
-            "stated standard deviations. Check the stated standard deviations; no effect is named."
-        )
     if answer["outside_library"]:
         return text + _outside_library(answer, held_out) + _shown(facts["answer"], answer["unknown_source"])
     for number, effect in enumerate(answer["named"]):
@@ -101,7 +98,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     labels = listed([label_text(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (
-        f"With {'it' if one else 'them'}, the misfit on {_held_out_text(answer)} "
+        f"With {labels}, the misfit on {_held_out_text(answer)} "
         f"{misfit_change(gaps['before']['misfit'], gaps['after']['misfit'])}."
     )
     if forms["leading_form"] == MISWIRED:
@@ -120,6 +117,8 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"{candidate} {'is' if one else 'are'} {labels}, but one linear response of the device that reads "
             f"{forms['device']}, of a shape that the library does not list, is likelier. No effect is named. {change}"
         )
+    elif forms["support_nats"] < 1.0:
+        reason = f"no effect of the library explains a part of it. {capitalised(_shape_text(gaps))}"
     else:
         reason = (
             f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "
@@ -137,11 +136,16 @@ def _miswired(answer: Mapping) -> str:
     others = [label_text(effect) for effect in best if (effect["effect"], effect["place"]) not in errors]
     text = (
         f"The measurements indicate a wiring error of the model (probability {forms[MISWIRED]:.2f}): "
-        f"{listed([error['statement'] for error in answer['wiring_errors']])}. No effect is named; rewired.json is the "
+        f"{listed([_wiring(error) for error in answer['wiring_errors']])}. No effect is named; rewired.json is the "
         "model with this corrected: check it, and search again."
     )
     besides = "also" if len(others) < len(best) else "instead"
     return text + (f" {capitalised(listed(others))} may {besides} be present." if others else "")
+
+
+def _wiring(error: Mapping) -> str:
+    others = "; or ".join(error["alternatives"])
+    return error["statement"] + (f" (or, not distinguished by these data: {others})" if others else "")
 
 
 def _shown(forms: Mapping, source: Mapping | None) -> str:
@@ -151,14 +155,17 @@ def _shown(forms: Mapping, source: Mapping | None) -> str:
     if forms["leading_form"] in (VARYING, MISWIRED, UNLISTED) or not quantity or likeliest["probability"] < 0.5:
         return _source(source)
     if place:
-        data, unseen = f"the {quantity} at {place}", {"flow": "flow", "pressure": "loss of pressure"}.get(quantity)
+        data, unseen = (
+            f"the {quantity} at {place}",
+            {"flow": "flow or bed", "pressure": "loss of pressure"}.get(quantity),
+        )
         cause = f"an error of that measurement{f', or a {unseen} that no other one sees' if unseen else ''}."
     elif condition:
-        data, cause = f"the {quantity} waveforms under {condition}", "check how they were recorded, and in which state."
+        data, cause = f"the {quantity} waveforms under {condition}", "check how they and the drive were recorded."
     else:
         data, cause = (
             f"the {quantity} waveforms",
-            "an error that they share, or a cause that hardly changes the others.",
+            "an error that they share or of the drive, or a cause that hardly changes the others.",
         )
     said = f" It shows in {data} alone (probability {likeliest['probability']:.2f}): {cause}"
     return said + (_source(source) if quantity == "flow" else "")
@@ -178,7 +185,7 @@ def _source(found: Mapping | None) -> str:
     size, low, high = found["sizes"][found["law"]]
     return (
         f"{text}; its waveform is {found['says'][found['law']]} (probability {probability:.2f}), with a mean of "
-        f"{size:.2g} ({low:.2g} to {high:.2g}) of the vessel's flow."
+        f"{interval_text(size, low, high)} of the vessel's flow (positive if blood leaves)."
     )
 
 
@@ -194,6 +201,9 @@ def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
     facts = next(e for e in best if (e["effect"], e["place"]) == (named["effect"], named["place"]))
     text = f"{label_text(named)} ({class_probability_text(named['class'])}; {size_text(facts['sizes'])}). "
     text += next_measurement_text(named["next_measurements"]) + facts["assumption"]
+    if named["wiring_errors"]:
+        statements = listed([f"{one['statement']} ({one['probability']:.2f})" for one in named["wiring_errors"]])
+        text += f"These data do not exclude a wiring error of the model instead: {statements}. "
     for size in facts["beyond_prior"]:
         text += (
             f"Its {size['label']} lies outside the central 99 % of its prior "

@@ -18,7 +18,7 @@ from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_correlated
 from coronaryuq.discrepancy.result.facts import facts, prior_conflicts, with_interval
 from coronaryuq.discrepancy.result.pullback_table import pullback_table
-from coronaryuq.discrepancy.result.repair import REPAIRED, REWIRED, repaired, rewired
+from coronaryuq.discrepancy.result.repair import REPAIRED, REWIRED, repaired, rewired, wiring_statement
 from coronaryuq.discrepancy.result.source_table import source_entry, source_table
 from coronaryuq.discrepancy.result.vessels_of import vessels_of
 from coronaryuq.discrepancy.selection.answer import MISWIRED, NOTHING, OTHER
@@ -26,7 +26,6 @@ from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.next_measurement import next_measurements
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.wiring_error import WiringError
 
 
 def summary(found: Discovery) -> dict:
@@ -57,11 +56,7 @@ def summary(found: Discovery) -> dict:
             for entry in found.rounds
             if entry.refuted is not None
         ],
-        "wiring_errors": [
-            {"error": one.name, "place": place, "statement": one.statement(place)}
-            for one, place in found.answer.wiring_errors
-            if isinstance(one, WiringError)
-        ],
+        "wiring_errors": [_wiring_error(found, placed) for placed in found.answer.wiring_errors],
         "gap_before": found.gaps.before.misfit,
         "gap_after": found.gaps.before.misfit if found.outside_library else found.gaps.after.misfit,
         "gap_flexible": found.gaps.flexible.misfit,
@@ -78,6 +73,15 @@ def summary(found: Discovery) -> dict:
         "unknown_source": source_entry(found.nodes, found.source),
         "facts": facts(found),
     }
+
+
+def _wiring_error(found: Discovery, placed: PlacedEffect) -> dict:
+    """Describe a wiring error, with those that the data do not distinguish from it."""
+    classes = [[c.placed for c in entry.members] for entry in found.rounds if entry.accepted is not None]
+    rivals = [other for members in classes if placed in members for other in members if other != placed]
+    alternatives = [text for text in map(wiring_statement, rivals) if text]
+    error, place = placed
+    return {"error": error.name, "place": place, "statement": wiring_statement(placed), "alternatives": alternatives}
 
 
 def named(found: Discovery) -> list[dict]:
@@ -97,7 +101,12 @@ def _named(found: Discovery, placed: PlacedEffect, entry: Round) -> dict:
         "effect": effect.name,
         "place": place,
         "probability": found.probability(entry, entry.named),
-        "class": [_member(found, entry, c) for c in entry.members],
+        "class": [_member(found, entry, c) for c in entry.effects],
+        "wiring_errors": [
+            {"statement": wiring_statement(c.placed), "probability": found.probability(entry, c)}
+            for c in entry.members
+            if not c.effect.nameable
+        ],
         "class_probability": found.class_probability(entry),
         "log_evidence": _adds(entry),
         "sizes": sizes,
@@ -239,11 +248,13 @@ def _residuals(found: Discovery) -> pd.DataFrame:
 
 
 def _ranking(found: Discovery) -> pd.DataFrame:
-    """Posterior of the answers, those with names divided by the candidates of each round."""
+    """Posterior of the answers, those with names or wiring errors divided by the candidates of each round."""
     rows: list[tuple] = []
     given = found.answer.probabilities
     for number, entry in enumerate(found.rounds, start=1):
-        rows += [(number, answer, "", given[answer], np.nan, np.nan, False) for answer in (NOTHING, OTHER)]
+        miswired = sum(found.probability(entry, c) for c in entry.shortlist if not c.effect.nameable)
+        others = {NOTHING: given[NOTHING], OTHER: max(given[OTHER] - miswired, 0.0)}
+        rows += [(number, answer, "", p, np.nan, np.nan, False) for answer, p in others.items()]
         for c in entry.shortlist:
             accepted = entry.accepted is not None and entry.accepted.placed == c.placed
             rows.append((number, c.effect.name, c.place, found.probability(entry, c), c.share, c.z_score, accepted))

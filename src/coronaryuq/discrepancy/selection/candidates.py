@@ -116,6 +116,11 @@ class Round:
         return self.accepted
 
     @property
+    def effects(self) -> list[Candidate]:
+        """The members of the class that are effects, not wiring errors of the model."""
+        return [c for c in self.members if c.effect.nameable]
+
+    @property
     def wiring_errors(self) -> dict[PlacedEffect, float]:
         """Wiring errors that data cannot distinguish from the accepted effect → log odds against its class."""
         if not self.named.effect.nameable:
@@ -180,7 +185,9 @@ def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effe
 
 
 def shortlist(candidates: Iterable[Candidate], count: int, present: Fit | None = None) -> list[Candidate]:
-    """Return the most promising `count`, and the best place of every effect with a clear score test.
+    """Return the most promising `count`, the clearest, and the best place of every effect with a clear score test.
+
+    The clearest, because a strong effect may look unpromising to first order.
 
     present: the fit with the effects found so far, if there are any. About it estimates are good enough to leave out
     those of the second kind that promise much less than the best: where the truth is none of the library, every effect
@@ -191,7 +198,8 @@ def shortlist(candidates: Iterable[Candidate], count: int, present: Fit | None =
     if present is not None and ranked:
         gain = max(0.0, ranked[0].estimate - present.evidence)
         least = ranked[0].promise - RULE.contender_gap - RULE.contender_share * gain
-    chosen = [c for c in ranked[:count] if c.z_score > RULE.shortlist_score]
+    clearest = best_of_effects(sorted(ranked, key=lambda c: -c.z_score), RULE.likeliest_effects)
+    chosen = [c for c in dict.fromkeys((*ranked[:count], *clearest)) if c.z_score > RULE.shortlist_score]
     for best in best_of_effects(ranked, len(ranked)):
         if best not in chosen and best.z_score > RULE.shortlist_effect_score and best.promise > least:
             chosen.append(best)

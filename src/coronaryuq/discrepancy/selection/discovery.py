@@ -13,7 +13,7 @@ from coronaryuq.discrepancy.inference.locate import Located
 from coronaryuq.discrepancy.inference.noise import Noise
 from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, Answer
+from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OTHER, Answer
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round, Rounds
 from coronaryuq.discrepancy.selection.unknown_source import UnknownSource
 from coronaryuq.zerod.effects.base import Parameter
@@ -94,15 +94,19 @@ class Discovery:
         return self.answer.log_evidence
 
     def probability(self, entry: Round, candidate: Candidate) -> float:
-        """Return the probability that the effects found are what is missing, with a candidate as that of its round.
+        """Return the probability of the effects found, with a candidate as that of its round, or of a wiring error.
 
         Zero if the round accepted none: its candidates are then not among the answers.
         """
-        return 0.0 if entry.accepted is None else self.answer.probabilities[NAMES] * candidate.share
+        if entry.accepted is None:
+            return 0.0
+        alike = sum(c.share for c in entry.shortlist if c.effect.nameable == candidate.effect.nameable)
+        total = self.answer.probabilities[NAMES] if candidate.effect.nameable else self.answer.forms.get(MISWIRED, 0.0)
+        return total * candidate.share / alike
 
     def class_probability(self, entry: Round) -> float:
-        """Return the probability that the effects found are what is missing, with any member of a round's class."""
-        return float(sum(self.probability(entry, member) for member in entry.members))
+        """Return the probability of the effects found, with any member of a round's class."""
+        return float(sum(self.probability(entry, member) for member in entry.effects))
 
     def beyond_prior(self, placed: PlacedEffect) -> list[Parameter]:
         """Return the sizes of an effect outside the central 99 % of their prior: another effect may be the true one."""

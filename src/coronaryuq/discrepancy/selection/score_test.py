@@ -76,13 +76,17 @@ def _unscored(candidate: Candidate) -> Candidate:
 
 
 def _worth_rerunning(known: Iterable[Candidate]) -> list[Candidate]:
-    """Return the most promising by their known responses, the best of each effect, and all whose shape changes."""
+    """Return the most promising by their known responses, the best of each effect, and all that change shape or place.
+
+    What a probe reads elsewhere may differ much from one point to the next.
+    """
     ranked, seen = sorted(known, key=lambda c: -c.promise), Counter[str]()
     chosen = []
     for number, candidate in enumerate(ranked):
         seen[candidate.effect.name] += 1
         of_effect = seen[candidate.effect.name]
-        if number < RULE.rerun or of_effect <= RULE.rerun_per_effect or candidate.effect.changes_shape:
+        always = candidate.effect.changes_shape or candidate.effect.reads_elsewhere
+        if number < RULE.rerun or of_effect <= RULE.rerun_per_effect or always:
             chosen.append(candidate)
     return chosen
 
