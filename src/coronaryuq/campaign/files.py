@@ -129,7 +129,10 @@ KINDS = (
         r"discrepancy/[^/]+/found/(?:paragraph|difference)\.txt",
         "the result in words; changes made in the repaired model",
     ),
-    Kind(r"discrepancy/[^/]+/found/(?:repaired\.json|conditions\.yaml)", "the repaired model, in the model's units"),
+    Kind(
+        r"discrepancy/[^/]+/found/(?:repaired\.json|rewired\.json|conditions\.yaml)",
+        "the repaired model, or the one without a wiring error, in the model's units",
+    ),
     Kind(r"discrepancy/[^/]+/found/located\.csv", "where the recalibrated model misfits", columns.LOCATED),
     Kind(r"discrepancy/[^/]+/found/residuals\.csv", "measured, recalibrated and repaired values", columns.MEASUREMENTS),
     Kind(

@@ -34,3 +34,10 @@ def test_a_wiring_error_is_no_member_of_a_named_class_and_counts_once():
     assert found.probability(entry, wiring) == pytest.approx(0.3)
     assert found.class_probability(entry) == pytest.approx(0.6)
     assert [c.effect.name for c in entry.effects] == ["found", "twin"]
+
+
+def test_candidates_whose_shares_are_below_the_smallest_number_are_impossible():
+    found, entry = answered()
+    gone = [replace(c, share=0.0 if c.effect.nameable else 1.0) for c in entry.members]
+    entry = replace(entry, shortlist=gone, members=gone)
+    assert [found.probability(entry, c) for c in gone] == [0.0, 0.0, pytest.approx(0.3)]

@@ -144,6 +144,7 @@ def _miswired(answer: Mapping) -> str:
 
 
 def _wiring(error: Mapping) -> str:
+    """State a wiring error, with those that the data do not distinguish from it."""
     others = "; or ".join(error["alternatives"])
     return error["statement"] + (f" (or, not distinguished by these data: {others})" if others else "")
 

@@ -96,11 +96,11 @@ class Discovery:
     def probability(self, entry: Round, candidate: Candidate) -> float:
         """Return the probability of the effects found, with a candidate as that of its round, or of a wiring error.
 
-        Zero if the round accepted none: its candidates are then not among the answers.
+        Zero if the round accepted none, or if all of its kind are impossible: they are then not among the answers.
         """
-        if entry.accepted is None:
-            return 0.0
         alike = sum(c.share for c in entry.shortlist if c.effect.nameable == candidate.effect.nameable)
+        if entry.accepted is None or not alike:
+            return 0.0
         total = self.answer.probabilities[NAMES] if candidate.effect.nameable else self.answer.forms.get(MISWIRED, 0.0)
         return total * candidate.share / alike
 
