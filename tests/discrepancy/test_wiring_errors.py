@@ -45,8 +45,9 @@ def test_a_wiring_error_is_reported_as_such(wired, error, place, told, tmp_path)
     found = analyse(tmp_path)
     assert found.outside_library and not found.named
     answer, out = write(found, tmp_path / "out"), tmp_path / "out"
-    assert answer["wiring_errors"] == [{"error": error, "place": place, "statement": told}]
-    assert f": {told}. No effect is named; rewired.json" in paragraph(answer)
+    (said,) = answer["wiring_errors"]
+    assert (said["error"], said["place"], said["statement"]) == (error, place, told)
+    assert f": {told}" in paragraph(answer) and "No effect is named; rewired.json" in paragraph(answer)
     assert not (out / "repaired.json").exists()
     files = (out / name for name in ("rewired.json", "measurements.csv", "conditions.yaml"))
     again = searched(*files, Settings(), 1)

@@ -243,9 +243,7 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
     most = len(state.rounds) + 2 * settings.max_effects
     while state.alarm and len(state.hypothesis) < settings.max_effects and len(state.rounds) < most:
         candidates = [c for c in state.candidates if c.placed not in state.refused]
-        # Where all data say that something is missing, they decide on the best candidate, too.
-        undecided = state.suspected and not state.hypothesis
-        least = -np.inf if undecided else least_log_odds(state.problem, state.hypothesis)
+        least = least_log_odds(state.problem, state.hypothesis)
         point = state.problem.linearisation_point(state.fit, state.hypothesis)
         step = forward_step(state.problem, state.fit, state.hypothesis, candidates, point, least)
         state = replace(state, rounds=(*state.rounds, step))
