@@ -1,4 +1,4 @@
-"""Probes that read at other places than stated: misplaced, with their channels exchanged, or another one as well."""
+"""Probes that read other places than stated: misplaced, with channels exchanged, or with a part of another flow."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -32,7 +32,11 @@ class _ReadsElsewhere(Sensor):
         if other is None:
             return wave
         share = np.minimum(np.asarray(sizes["share"], dtype=float), self.most)[:, None]
-        return (1.0 - share) * wave + share * other
+        return self.kept(share) * wave + share * other
+
+    def kept(self, share: np.ndarray) -> np.ndarray | float:
+        """Return the fraction of the waveform at the stated place that is read beside a share of the other one."""
+        return 1.0 - share
 
 
 class _Misplaced(_ReadsElsewhere):
@@ -137,7 +141,7 @@ class ExchangedFlows(_Exchanged):
     parameters = (SHARE,)
 
 
-class FlowCrosstalk(Sensor):
+class FlowCrosstalk(_ReadsElsewhere):
     """Flow to which a part of another one is added: crosstalk, or a sample volume that includes another vessel.
 
     Places: each ordered pair of sensors, FLOW with OTHER.
@@ -157,13 +161,5 @@ class FlowCrosstalk(Sensor):
         location, other = place.split(WITH)
         return other if series.location == location and self._reads(series) else None
 
-    def read(
-        self,
-        place: str,
-        sizes: Values,
-        series: Series,
-        wave: np.ndarray,
-        other: np.ndarray | None,
-        anatomy: Anatomy,
-    ) -> np.ndarray:
-        return wave if other is None else wave + np.asarray(sizes["share"], dtype=float)[:, None] * other
+    def kept(self, share: np.ndarray) -> np.ndarray | float:
+        return 1.0
