@@ -6,8 +6,9 @@ import pytest
 
 from coronaryuq.bench.discrepancy.open_loop_tree import PERIOD, left_coronary
 from coronaryuq.core.errors import InputError
-from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, drive_paths, read_conditions
+from coronaryuq.zerod.network.period import period_of
 
 
 def test_a_condition_scales_arterioles_and_period():
@@ -85,17 +86,6 @@ def test_a_drive_in_a_different_unit_is_rejected():
     time = np.linspace(0.0, PERIOD, 9)
     with pytest.raises(InputError, match=r"rest\.drive\.AORTA: mean over the network's own = 0\.000\d+: use"):
         apply_condition(left_coronary(), Condition("rest", drive={"AORTA": (time, np.full(9, 90.0))}))
-
-
-def test_a_constant_waveform_does_not_set_the_period():
-    network = left_coronary()
-    for block in network["boundary_conditions"]:
-        for name in ("P", "Pim"):
-            if name in block["bc_values"]:
-                block["bc_values"] |= {name: block["bc_values"][name][:1], "t": [0.0]}
-    assert period_of(network) == 1.0
-    network["simulation_parameters"]["cardiac_period"] = 0.7
-    assert period_of(network) == 0.7
 
 
 def test_an_unknown_block_is_answered_with_similar_ones():

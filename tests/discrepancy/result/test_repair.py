@@ -7,7 +7,7 @@ import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.core import units
-from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import read_conditions, write_conditions
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
@@ -25,6 +25,7 @@ from coronaryuq.discrepancy.result.repair import (
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network.period import period_of
 from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
 

@@ -24,7 +24,7 @@ from coronaryuq.core import units
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, write_conditions
 from coronaryuq.discrepancy.data.measurements import COLUMNS, PULLBACK_COLUMNS, Measured
 from coronaryuq.discrepancy.data.pullbacks import ALONG, path_of
@@ -32,6 +32,7 @@ from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.pullback import OF_WIRE, Pullback
+from coronaryuq.zerod.network.period import period_of
 
 PATH = f"left_main{ALONG}lad"
 VESSELS = {

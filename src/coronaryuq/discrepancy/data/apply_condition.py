@@ -11,6 +11,7 @@ from coronaryuq.discrepancy.data.conditions import COVARIATES, Condition
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.effects.drive import DRIVES
+from coronaryuq.zerod.network.period import period_of, set_period
 
 WAVEFORMS = DRIVES | {"CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
 """Name of the waveform that a drive replaces in each kind of boundary condition."""
@@ -21,16 +22,6 @@ LARGEST_DRIVE = 6.0
 """Largest mean pressure of a drive over the network's own; kPa and mmHg differ by 7.5."""
 SAME_BEAT = 0.02
 """Relative tolerance of the length of a drive."""
-
-
-def period_of(network: Network, default: float = 1.0) -> float:
-    """Return the cardiac period (s): that of the heart, or of the waveform with the most points."""
-    for heart in network.get("closed_loop_blocks", []):
-        return float(heart["cardiac_cycle_period"])
-    pulsing = [b["bc_values"] for b in network["boundary_conditions"] if b["bc_type"] in WAVEFORMS]
-    for values in sorted((v for v in pulsing if len(v["t"]) > 1), key=lambda v: -len(v["t"])):
-        return float(values["t"][-1] - values["t"][0])
-    return float(network["simulation_parameters"].get("cardiac_period", default))
 
 
 def apply_condition(network: Network, condition: Condition, file: str | Path = "conditions") -> Network:
@@ -59,7 +50,7 @@ def apply_condition(network: Network, condition: Condition, file: str | Path = "
     _change_values(network, anatomy, condition, file)
     _check_stenoses(anatomy, condition, file)
     target = _drive(anatomy, condition, period, file)
-    _set_period(network, target)
+    set_period(network, target)
     return network
 
 
@@ -142,20 +133,6 @@ def _own_period(condition: Condition, period: float, file: str | Path) -> float:
             remedy += f"({target:.4g})"
             raise InputError(file, where, length, remedy)
     return target
-
-
-def _set_period(network: Network, period: float) -> None:
-    for heart in network.get("closed_loop_blocks", []):
-        heart["cardiac_cycle_period"] = period
-    for block in network["boundary_conditions"]:
-        if block["bc_type"] in WAVEFORMS:
-            time = np.asarray(block["bc_values"]["t"], dtype=float)
-            if len(time) > 1:
-                time = (time - time[0]) / (time[-1] - time[0]) * period
-                time[-1] = period
-                block["bc_values"]["t"] = time.tolist()
-    if "cardiac_period" in network["simulation_parameters"]:
-        network["simulation_parameters"]["cardiac_period"] = period
 
 
 def is_number(value: object) -> bool:

@@ -10,7 +10,7 @@ from coronaryuq.case.network.topology import Topology
 from coronaryuq.discrepancy.data.apply_condition import LOSS
 from coronaryuq.discrepancy.forward.network_values import differences, scalars
 from coronaryuq.discrepancy.forward.warm_starts import Point, Structure
-from coronaryuq.zerod.effects.base import WAVE_POINTS, sampled
+from coronaryuq.zerod.effects.base import WAVE_POINTS, resampled, sampled
 from coronaryuq.zerod.solver.engine import Engine
 
 Scaled = dict[str, list[int]]
@@ -122,7 +122,7 @@ def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
             values[name][numbers] = prepared.own(condition, name)
     for number, job in enumerate(jobs):
         for name, value in job.effects.items():
-            values[name][number] = _resample(value) if isinstance(value, np.ndarray) and value.ndim else value
+            values[name][number] = resampled(value) if isinstance(value, np.ndarray) and value.ndim else value
     for condition, numbers in by_condition.items():
         factors = np.array([jobs[number].factors for number in numbers])
         for name, columns in scaled[condition].items():
@@ -140,11 +140,3 @@ def _adds(name: str) -> bool:
     The severity of a known stenosis belongs to a condition, while an effect has one size under all conditions.
     """
     return name.endswith(f".{LOSS}")
-
-
-def _resample(values: np.ndarray) -> np.ndarray:
-    """Resample a waveform on an even grid to `WAVE_POINTS` points."""
-    values = np.asarray(values, dtype=float)
-    if len(values) == WAVE_POINTS:
-        return values
-    return np.interp(np.linspace(0.0, 1.0, WAVE_POINTS), np.linspace(0.0, 1.0, len(values)), values)

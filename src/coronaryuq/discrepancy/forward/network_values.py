@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.discrepancy.data.apply_condition import ELEMENTS, WAVEFORMS, is_number, period_of
+from coronaryuq.discrepancy.data.apply_condition import ELEMENTS, WAVEFORMS, is_number
 from coronaryuq.zerod.effects.base import sampled
 from coronaryuq.zerod.network.numbering import PERIOD
+from coronaryuq.zerod.network.period import period_of
 
 
 def scalars(network: Network) -> dict[str, float]:

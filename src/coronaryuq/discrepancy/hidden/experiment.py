@@ -7,11 +7,12 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
-from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Series
+from coronaryuq.zerod.network.period import period_of
 from coronaryuq.zerod.solver.engine import Engine
 
 HYPERAEMIA = 0.24

@@ -10,7 +10,7 @@ from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
 from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
-from coronaryuq.discrepancy.data.apply_condition import apply_condition, period_of
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, held_out_names
 from coronaryuq.discrepancy.data.measurements import AORTIC, Measured, measured_conditions, read_measurements
 from coronaryuq.discrepancy.forward.network_values import inner_unknowns
@@ -27,6 +27,7 @@ from coronaryuq.discrepancy.inference.pullback_errors import pullback_errors
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.pullback import OF_WIRE
+from coronaryuq.zerod.network.period import period_of
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.periodic import Periodicity
 

@@ -283,7 +283,14 @@ def sampled(network: Network, name: str) -> np.ndarray:
     """Resample the waveform "BLOCK.parameter" on an even grid over its cycle, both ends included, (WAVE_POINTS,)."""
     block, _, parameter = name.rpartition(".")
     values = network.bed_values(block)
-    time = np.asarray(values["t"], dtype=float)
-    if len(values[parameter]) == 1:
-        return np.full(WAVE_POINTS, float(values[parameter][0]))
-    return np.interp(np.linspace(time[0], time[-1], WAVE_POINTS), time, np.asarray(values[parameter], dtype=float))
+    return resampled(np.asarray(values[parameter], dtype=float), np.asarray(values["t"], dtype=float))
+
+
+def resampled(values: np.ndarray, time: np.ndarray | None = None) -> np.ndarray:
+    """Resample a waveform, by default from an even grid, to `WAVE_POINTS` points with both ends."""
+    if len(values) == 1:
+        return np.full(WAVE_POINTS, float(values[0]))
+    if time is None and len(values) == WAVE_POINTS:
+        return values
+    at = np.linspace(0.0, 1.0, len(values)) if time is None else time
+    return np.interp(np.linspace(at[0], at[-1], WAVE_POINTS), at, values)

@@ -8,6 +8,7 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.numbering import PERIOD
+from coronaryuq.zerod.network.period import period_of, set_period
 
 Changes = Mapping[str, float] | Mapping[str, np.ndarray] | Mapping[str, float | np.ndarray]
 
@@ -45,7 +46,7 @@ def with_changes(network: Network, changes: Changes, file: str | Path = "network
     }
     for name, value in changes.items():
         if name == PERIOD:
-            _set_period(changed, float(value))
+            set_period(changed, float(value))
             continue
         block, _, parameter = name.rpartition(".")
         parameter, _, place = parameter.partition("[")
@@ -54,19 +55,10 @@ def with_changes(network: Network, changes: Changes, file: str | Path = "network
         if place:
             values[block][parameter][int(place.rstrip("]"))] = float(value)
         elif np.ndim(value):
-            _set_waveform(values[block], parameter, np.asarray(value, dtype=float), _period(changed))
+            _set_waveform(values[block], parameter, np.asarray(value, dtype=float), period_of(changed))
         else:
             own.get(name, values[block])[parameter] = float(value)
     return changed
-
-
-def _period(network: Network) -> float:
-    """Return the cardiac period (s): that of the heart, or of the longest waveform."""
-    if network.closed_loop:
-        return float(network.heart["cardiac_cycle_period"])
-    return max(
-        element.values["t"][-1] - element.values["t"][0] for element in network.elements() if "t" in element.values
-    )
 
 
 def _set_waveform(values: dict, parameter: str, waveform: np.ndarray, period: float) -> None:
@@ -74,15 +66,3 @@ def _set_waveform(values: dict, parameter: str, waveform: np.ndarray, period: fl
     values[parameter], times = waveform.tolist(), values["t"]
     if len(times) != len(waveform) or not np.allclose(np.diff(times, n=2), 0.0):
         values["t"] = np.linspace(0.0, period, len(waveform)).tolist()
-
-
-def _set_period(network: Network, period: float) -> None:
-    if network.closed_loop:
-        network.heart["cardiac_cycle_period"] = period
-    for element in network.elements():
-        values, times = element.values, element.values.get("t", [])
-        if len(times) > 1:
-            stretch = period / (times[-1] - times[0])
-            values["t"] = [times[0] * stretch, *(time * stretch for time in times[1:-1]), times[0] * stretch + period]
-    if network["simulation_parameters"].get("cardiac_period", -1.0) >= 0 or not network.closed_loop:
-        network["simulation_parameters"]["cardiac_period"] = period
