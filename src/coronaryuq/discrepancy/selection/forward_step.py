@@ -1,7 +1,6 @@
 """Forward step: fit the best candidates, screen again about the best fit, and accept one or none."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
@@ -30,34 +29,8 @@ from coronaryuq.discrepancy.selection.refit import (
 )
 from coronaryuq.discrepancy.selection.score_test import screen
 
-
-@dataclass(frozen=True)
-class Pool:
-    """All candidates of a round by effect and place, and which of them are on its shortlist."""
-
-    candidates: dict[PlacedEffect, Candidate]
-    chosen: tuple[PlacedEffect, ...] = ()
-
-    @property
-    def shortlist(self) -> list[Candidate]:
-        return [self.candidates[placed] for placed in self.chosen]
-
-    @property
-    def best(self) -> Candidate:
-        return max(self.shortlist, key=lambda c: c.log_weight)
-
-    def with_states(self, candidates: Iterable[Candidate]) -> "Pool":
-        """Replace candidates by other states of them."""
-        return replace(self, candidates=self.candidates | {c.placed: c for c in candidates})
-
-    def choosing(self, candidates: Iterable[Candidate]) -> "Pool":
-        """Replace candidates and put them on the shortlist."""
-        candidates = list(candidates)
-        chosen = dict.fromkeys((*self.chosen, *(c.placed for c in candidates)))
-        return replace(self.with_states(candidates), chosen=tuple(chosen))
-
-    def without_unfitted(self) -> "Pool":
-        return replace(self, chosen=tuple(c.placed for c in self.shortlist if c.fit is not None))
+Pool = dict[PlacedEffect, Candidate]
+"""All candidates of a round; those that were fitted are its shortlist."""
 
 
 def forward_step(
@@ -73,14 +46,14 @@ def forward_step(
         candidates, from_point = _seen_from(problem, point, hypothesis, candidates)
     chosen = shortlist(candidates, problem.settings.shortlist, fit if hypothesis else None)
     fitted = fit_shortlist(problem, fit, hypothesis, chosen, point, from_point)
-    pool = Pool({c.placed: c for c in candidates}).choosing(fitted).without_unfitted()
-    for _ in range(RULE.second_looks if pool.chosen else 0):
-        before = pool.best
+    pool = {c.placed: c for c in (*candidates, *fitted)}
+    for _ in range(RULE.second_looks if _fitted(pool) else 0):
+        before = _best(pool)
         pool, near = look_again(problem, fit, before, hypothesis, pool)
-        if pool.best.placed == before.placed:
-            pool = fit_class(problem, pool.best, hypothesis, pool, near)
+        if _best(pool).placed == before.placed:
+            pool = fit_class(problem, _best(pool), hypothesis, pool, near)
             break
-    tried = sorted(pool.shortlist, key=lambda c: -c.log_weight)
+    tried = _fitted(pool)
     worth = _worth_naming(fit, tried, least)
     if not worth:
         corrected = with_own_time_steps(problem, hypothesis, best_of_effects(tried, RULE.likeliest_effects))
@@ -88,7 +61,16 @@ def forward_step(
         worth = _worth_naming(fit, tried, least)
     if not worth:
         return Round(with_shares(tried), None, others=hypothesis)
-    return Round([], None, scored=list(pool.candidates.values())).decided(preferred(worth), tried, hypothesis)
+    return Round([], None, scored=list(pool.values())).decided(preferred(worth), tried, hypothesis)
+
+
+def _fitted(pool: Pool) -> list[Candidate]:
+    """Return the candidates that were fitted, best first."""
+    return sorted((c for c in pool.values() if c.fit is not None), key=lambda c: -c.log_weight)
+
+
+def _best(pool: Pool) -> Candidate:
+    return _fitted(pool)[0]
 
 
 def _worth_naming(fit: Fit, candidates: list[Candidate], least: float) -> list[Candidate]:
@@ -124,17 +106,15 @@ def look_again(
     if problem.distorted(best.fitted):
         return pool, []
     point = point_without(best)
-    likely_ones = [replace(c, fit=None) for c in likely(pool.candidates.values())]
+    likely_ones = [replace(c, fit=None) for c in likely(pool.values())]
     fresh = screen(problem, point, hypothesis, likely_ones)
     near = sorted((c for c in fresh if c.promise > best.log_weight - RULE.contender_gap), key=lambda c: -c.promise)
-    waiting = [c for c in near if c.promise > pool.candidates[c.placed].log_weight + RULE.second_look_gain]
+    waiting = [c for c in near if c.promise > pool[c.placed].log_weight + RULE.second_look_gain]
     waiting = waiting[: RULE.rivals]
     for refitted in fit_each(problem, hypothesis, waiting, point, least_weight(best, fit), fit.evidence):
-        known = replace(pool.candidates[refitted.placed], multistart=refitted.multistart)
-        if refitted.log_weight > known.log_weight:
-            pool = pool.choosing([replace(known, fit=refitted.fit)])
-        else:
-            pool = pool.with_states([known])
+        known = replace(pool[refitted.placed], multistart=refitted.multistart)
+        better = refitted.log_weight > known.log_weight
+        pool = pool | {known.placed: replace(known, fit=refitted.fit) if better else known}
     return pool, near
 
 
@@ -145,15 +125,13 @@ def fit_class(problem: Problem, best: Candidate, hypothesis: Hypothesis, pool: P
     sensitivities except those to their own sizes stay those of the best fit, from which theirs hardly differ; a
     candidate that becomes the best is fitted in full.
     """
-    waiting = [c for c in near if pool.candidates[c.placed].fit is None and may_be_in_class(c, best)]
+    waiting = [c for c in near if pool[c.placed].fit is None and may_be_in_class(c, best)]
     if not waiting:
         return pool
     fits = quick_fits(problem, hypothesis, waiting, point_without(best))
-    pool = pool.choosing(
-        replace(pool.candidates[c.placed], fit=found) for c, found in zip(waiting, fits, strict=True) if found
-    )
-    ahead = pool.best
+    pool = pool | {c.placed: replace(pool[c.placed], fit=fit) for c, fit in zip(waiting, fits, strict=True) if fit}
+    ahead = _best(pool)
     if ahead.placed == best.placed:
         return pool
     full = exact(problem, hypothesis.with_(ahead.placed), ahead.fitted.z)
-    return pool.with_states([replace(ahead, fit=full or ahead.fit)])
+    return pool | {ahead.placed: replace(ahead, fit=full or ahead.fit)}
