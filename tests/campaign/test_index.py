@@ -9,7 +9,7 @@ from coronaryuq.campaign.index import describe_results, write_index
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.discrepancy.result.pullback_table import KEPT
 from coronaryuq.discrepancy.result.source_table import COLUMNS as SOURCE
-from coronaryuq.discrepancy.result.write import WRITTEN
+from coronaryuq.discrepancy.result.write import DETECTABLE, WRITTEN
 
 
 @pytest.fixture
@@ -52,7 +52,8 @@ def test_every_file_that_a_search_may_write_is_described(name):
 
 
 def test_every_column_of_a_search_s_tables_has_a_unit():
-    for name, columns in (("source.csv", SOURCE), ("pullback.csv", (*KEPT, "vessel", "acting", "named"))):
+    pullback = (*KEPT, "vessel", "acting", "named")
+    for name, columns in (("source.csv", SOURCE), ("pullback.csv", pullback), ("detectable.csv", DETECTABLE)):
         assert set(units(f"discrepancy/case/found/{name}", list(columns))) == set(columns)
 
 

@@ -57,6 +57,11 @@ def test_no_hidden_effect_leaves_nothing_to_explain(tmp_path, capsys):
     answer = json.loads(text.out)
     assert not answer["alarm"] and answer["named"] == []
     assert "nothing to explain" in answer["paragraph"]
+    detectable = pd.read_csv(tmp_path / "out" / "detectable.csv").set_index(["effect", "place"])
+    seen = detectable[detectable.signal >= answer["detectable"]["signal"]].reset_index().effect
+    shown = answer["detectable"]["effects"]
+    assert set(shown) <= set(seen) and "quadratic_stenosis" in shown
+    assert f"these data would show {len(shown)} of the {answer['detectable']['of']} effects" in answer["paragraph"]
 
 
 @pytest.mark.slow

@@ -59,6 +59,18 @@ MEASUREMENTS: Columns = (
     ("fitted", "whether the value was fitted; otherwise it was held out", "yes/no"),
     ("named", "whether the search named an effect in this case", "yes/no"),
 )
+DETECTABLE: Columns = (
+    ("effect", "effect of the library, or wiring error", "text"),
+    ("place", "vessel, bed or sensor at which it acts", "text"),
+    ("parameter", "first parameter of the effect", "text"),
+    ("size", "typical size: median of the prior, or one standard deviation", "unit of the effect's parameter"),
+    ("unit", "unit of the size", "text"),
+    (
+        "signal",
+        "what recalibration leaves of it in the fitted data, to first order",
+        "noise standard deviation",
+    ),
+)
 EFFECT: Columns = (
     ("branch", "artery", "text"),
     ("effect", "effect that the model may be missing", "text"),

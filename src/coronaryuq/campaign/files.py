@@ -140,6 +140,11 @@ KINDS = (
         "candidates by round; sizes of the named effects",
         columns.EFFECT,
     ),
+    Kind(
+        r"discrepancy/[^/]+/found/detectable\.csv",
+        "signal that each candidate would leave in the fitted data at its typical size",
+        columns.DETECTABLE,
+    ),
     Kind(r"discrepancy/[^/]+/found/tree\.csv", "vessels with the misfit measured at their ends", columns.TREE),
     Kind(
         r"discrepancy/[^/]+/found/pullback\.csv",

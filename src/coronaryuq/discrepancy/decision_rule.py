@@ -78,6 +78,9 @@ class DecisionRule:
         0.3, "noise sd", "Whitened response at `visible_size` below which data cannot show an effect."
     )
     visible_size: float = _threshold(2.0, "prior sd", "Size at which the response has to exceed that.")
+    detectable_signal: float = _threshold(
+        6.0, "noise sd", "Detectable signal at its typical size from which the data are said to show an effect."
+    )
     larger_sizes: int = _threshold(
         40,
         "candidates",

@@ -100,6 +100,7 @@ def agreeing(alarm, conflicts=()):
     facts = {"measurements": 606, "objective": 600.0, "answer": {"probabilities": {NOTHING: 0.97}}}
     gaps = {"before": {"misfit": 1.0}, "scheme": "held out", "conditions": ["pacing"], "p_held_out": 0.4}
     answer = {"facts": facts, "held_out": gaps, "global_test": {"p": 1e-9 if alarm else 0.3}, "consistent": True}
+    answer["detectable"] = {"signal": 6.0, "effects": ["inertance", "flow_gain"], "of": 29}
     return summary_text.paragraph(
         answer | {"alarm": alarm, "noise": {}, "outliers": [], "prior_conflicts": list(conflicts)}
     )
@@ -110,6 +111,7 @@ def test_a_model_whose_misfit_is_within_its_own_error_is_not_said_to_agree():
     said = agreeing(True)
     assert "leaves a misfit to the 606 fitted measurements (global test p = 1e-09), but one within" in said
     assert "nothing is missing (probability 0.97)" in said and "agrees" not in said
+    assert "these data would show 2 of the 29 effects" in said
 
 
 def test_what_recalibration_moved_far_is_told_where_nothing_is_missing():

@@ -54,6 +54,18 @@ def test_the_estimate_is_the_evidence_of_a_full_fit(kind, true):
     assert candidate.z_score > 3.0
 
 
+@pytest.mark.parametrize(("kind", "typical"), [("lognormal", 1.0), ("normal", 1.2)])
+def test_the_signal_of_a_typical_size_is_what_recalibration_leaves_of_it(kind, typical):
+    """The nuisance parameters have unit priors: they absorb design @ z at the cost of |z|^2."""
+    design, responses, y = case(kind, 0.0)
+    ((placed, response),) = responses.items()
+    change = response(1.0 if kind == "normal" else 0.0)
+    assert placed.effect.parameters[0].from_standard(1.0 if kind == "normal" else 0.0) == pytest.approx(typical)
+    left = np.linalg.solve(np.eye(ROWS) + design @ design.T, change)
+    (candidate,) = screened(design, responses, y)
+    assert candidate.signal == pytest.approx(np.sqrt(change @ left), rel=0.02)
+
+
 def test_a_strong_effect_is_weighed_by_its_response_to_its_own_size():
     """It bends, as a loss does that lowers the flow: multiples of the responses to other sizes leave 600 nats."""
     random = generator(27, "test", "screening")

@@ -67,6 +67,15 @@ def overstated_sd_warning(objective: float, count: int) -> str:
     )
 
 
+def detectable_text(detectable: Mapping) -> str:
+    """State how many effects the data would show, with a typical size and at the place where they show most."""
+    count, of, signal = len(detectable["effects"]), detectable["of"], detectable["signal"]
+    return (
+        f"At their typical sizes, these data would show {count or 'none'} of the {of} effects that have a place in "
+        f"this network (signals of at least {signal:.0f} noise standard deviations; see detectable.csv)."
+    )
+
+
 def prediction_warning(p: float, held_out: list[str]) -> str:
     """Warn that a model which agrees with the fitted data does not predict the held-out data, if so."""
     if p >= UNPREDICTED:

@@ -14,6 +14,7 @@ from coronaryuq.discrepancy.result.phrases import (
     capitalised,
     class_probability_text,
     conflict_text,
+    detectable_text,
     flexible_text,
     interval_text,
     label_text,
@@ -65,7 +66,8 @@ def paragraph(answer: Mapping) -> str:
         text = data_notes + (
             f"After recalibration, the model {agreement} (probability {nothing:.2f}). "
             + conflict_text("Recalibration moves", answer["prior_conflicts"])
-            + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT})."
+            + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT}). "
+            + detectable_text(answer["detectable"])
         )
         return (
             text + overstated_sd_warning(facts["objective"], count) + prediction_warning(gaps["p_held_out"], held_out)

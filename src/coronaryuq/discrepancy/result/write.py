@@ -69,10 +69,18 @@ def summary(found: Discovery) -> dict:
         },
         "remaining": {"p": found.remaining.p, **found.remaining.tests},
         "candidates_tested": found.candidates_tested,
+        "detectable": _shown_effects(found.candidates),
         "decision_rule": asdict(RULE),
         "unknown_source": source_entry(found.nodes, found.source),
         "facts": facts(found),
     }
+
+
+def _shown_effects(candidates: list[Candidate]) -> dict:
+    """Count the effects that have a place in the network; list those that the fitted data would show."""
+    able = [c for c in candidates if c.effect.nameable]
+    shown = {c.effect.name for c in able if c.signal >= RULE.detectable_signal}
+    return {"signal": RULE.detectable_signal, "effects": sorted(shown), "of": len({c.effect.name for c in able})}
 
 
 def _wiring_error(found: Discovery, placed: PlacedEffect) -> dict:
@@ -169,10 +177,11 @@ def _scales(anatomy: Anatomy) -> dict:
 
 WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
-    *("gap.csv", "pullback.csv", "source.csv", REPAIRED, REWIRED, "measurements.csv", "conditions.yaml"),
-    *("difference.txt", "pairs.csv", "laws.csv", "effects.csv", "predicted.csv"),
+    *("gap.csv", "pullback.csv", "source.csv", "detectable.csv", REPAIRED, REWIRED, "measurements.csv"),
+    *("conditions.yaml", "difference.txt", "pairs.csv", "laws.csv", "effects.csv", "predicted.csv"),
 )
 """All files that a search may write, apart from the folder `drives`."""
+DETECTABLE = ["effect", "place", "parameter", "size", "unit", "signal"]
 A_CASE = ("measurements.csv", "conditions.yaml")
 """Files that a case also has: they belong to an earlier search only if a model that it wrote is next to them."""
 
@@ -191,8 +200,8 @@ def write(found: Discovery, folder: Path) -> dict:
     """Write all files into `folder` and return the summary.
 
     discrepancy.json; located.csv; residuals.csv; ranking.csv; sizes.csv; tree.csv; gap.csv; pullback.csv; source.csv;
-    and, unless something else is missing, repaired.json, measurements.csv, conditions.yaml, difference.txt; of a wiring
-    error the same with rewired.json.
+    detectable.csv; and, unless something else is missing, repaired.json, measurements.csv, conditions.yaml,
+    difference.txt; of a wiring error the same with rewired.json.
     """
     answer = summary(found)
     as_stated = replace(found.problem.forward, measured=found.measured)
@@ -209,6 +218,7 @@ def write(found: Discovery, folder: Path) -> dict:
         "gap.csv": _gaps(found),
         "pullback.csv": pullback_table(found, residuals),
         "source.csv": source_table(found.source),
+        "detectable.csv": _detectable(found.candidates),
     }
     clear(folder)
     for name, table in tables.items():
@@ -259,6 +269,16 @@ def _ranking(found: Discovery) -> pd.DataFrame:
             accepted = entry.accepted is not None and entry.accepted.placed == c.placed
             rows.append((number, c.effect.name, c.place, found.probability(entry, c), c.share, c.z_score, accepted))
     return pd.DataFrame(rows, columns=["round", "effect", "place", "probability", "share", "score", "accepted"])
+
+
+def _detectable(candidates: list[Candidate]) -> pd.DataFrame:
+    """Signal that every candidate would leave in the fitted data at its typical size, clearest first."""
+    rows = [
+        (c.effect.name, c.place, parameter.name, float(parameter.from_standard(c.typical)), parameter.unit, c.signal)
+        for c in sorted(candidates, key=lambda c: -c.signal)
+        for parameter in c.effect.parameters[:1]
+    ]
+    return pd.DataFrame(rows, columns=DETECTABLE)
 
 
 def _sizes(found: Discovery) -> pd.DataFrame:

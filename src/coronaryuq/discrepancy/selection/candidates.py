@@ -26,7 +26,8 @@ class Candidate:
     """A candidate: one more effect at a place, with its results in a round.
 
     log_prior: its part of the prior of named effects. z_score: score test; p_varying: p-value of the test with one size
-    per condition. estimate: log evidence with it, and guess: its size z, both from a few runs. response: change (N,) of
+    per condition. signal: what the fitted data would show of its typical size, in noise standard deviations, after
+    recalibration. estimate: log evidence with it, and guess: its size z, both from a few runs. response: change (N,) of
     whitened predictions by a small size about the point where it was last run. fit: together with the other effects,
     its own sizes last; multistart: best fit from the prior mean, if that was needed. share: probability given that one
     of those fitted in the round is what is missing.
@@ -36,6 +37,7 @@ class Candidate:
     log_prior: float
     z_score: float = 0.0
     p_varying: float = 1.0
+    signal: float = 0.0
     estimate: float = -np.inf
     guess: float = 0.0
     response: np.ndarray | None = None
@@ -55,6 +57,11 @@ class Candidate:
     def one_sided(self) -> bool:
         """Whether all sizes are positive by nature."""
         return all(parameter.kind == "lognormal" for parameter in self.effect.parameters)
+
+    @property
+    def typical(self) -> float:
+        """Typical size z of its prior: the median of sizes that are positive by nature, otherwise one deviation."""
+        return 0.0 if self.one_sided else 1.0
 
     @property
     def p_value(self) -> float:

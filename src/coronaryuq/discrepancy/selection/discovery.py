@@ -43,6 +43,8 @@ class Discovery:
         The measurements as stated, before their noise was estimated.
     noise
         The estimated noise that this answer used, by quantity; empty: the stated one.
+    candidates
+        All candidates as scored about the recalibrated model.
     candidates_tested
         Candidates scored beside effects, over all rounds.
     outliers
@@ -66,6 +68,7 @@ class Discovery:
     held_out_p: float
     folds: Folds
     measured: list[Measured]
+    candidates: list[Candidate] = field(default_factory=list)
     candidates_tested: int = 0
     noise: dict[str, Noise] = field(default_factory=dict)
     outliers: list[Outlier] = field(default_factory=list)

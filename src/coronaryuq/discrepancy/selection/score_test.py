@@ -60,7 +60,7 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
     for (candidate, size), response in zip(larger, responses, strict=True):
         scored[candidate.placed] = linear.weigh(scored[candidate.placed], size, response)
         if candidate.placed in z_scores:
-            z_scores[candidate.placed].append(abs(linear.z_score(response, _growth(candidate, size))))
+            z_scores[candidate.placed].append(abs(linear.z_score(candidate, response, size)))
     for placed, values in z_scores.items():
         scored[placed] = replace(scored[placed], z_score=_best_of(values))
     # Responses to a strong effect are not proportional to its size, so the best candidates are run at their estimates.
@@ -72,7 +72,7 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
 
 
 def _unscored(candidate: Candidate) -> Candidate:
-    return replace(candidate, z_score=0.0, p_varying=1.0, estimate=-np.inf, guess=0.0)
+    return replace(candidate, z_score=0.0, p_varying=1.0, signal=0.0, estimate=-np.inf, guess=0.0)
 
 
 def _worth_rerunning(known: Iterable[Candidate]) -> list[Candidate]:
@@ -107,13 +107,11 @@ def _sizes(candidate: Candidate) -> tuple[float, ...]:
     return POSITIVE if candidate.one_sided else SIGNED
 
 
-def _growth(candidate: Candidate, size: float) -> float:
-    """Return the ratio of the largest visible size to size z for a proportional effect; 1 if its shape changes."""
-    if candidate.effect.changes_shape:
-        return 1.0
+def _growth(candidate: Candidate, size: float, target: float = RULE.visible_size) -> float:
+    """Return the ratio of a target size, by default the largest visible one, to size z."""
     if candidate.one_sided:
-        return float(np.exp(candidate.effect.parameters[0].spread * (RULE.visible_size - size)))
-    return RULE.visible_size / abs(size)
+        return float(np.exp(candidate.effect.parameters[0].spread * (target - size)))
+    return target / abs(size)
 
 
 def _responses(
@@ -142,8 +140,9 @@ class _LinearModel:
         candidate, response, size = _unscored(candidate), candidate.response, _sizes(candidate)[0]
         if response is None or not np.isfinite(response).all():
             return candidate
-        z = self.z_score(response, _growth(candidate, size))
-        candidate = replace(candidate, z_score=max(z, 0.0) if candidate.one_sided else abs(z))
+        z = self.z_score(candidate, response, size)
+        signal = self._length(response) * _growth(candidate, size, candidate.typical)
+        candidate = replace(candidate, z_score=max(z, 0.0) if candidate.one_sided else abs(z), signal=signal)
         if z != 0.0 and self.by_condition.shape[1] > 1:
             each = response[:, None] * self.by_condition
             candidate = replace(candidate, p_varying=chi2_tail(each.T @ self.project(each), each.T @ self.score))
@@ -153,9 +152,13 @@ class _LinearModel:
         """Return whether the data can detect a candidate's response to a small size."""
         return candidate.response is not None and self._length(candidate.response) > RULE.visible_response
 
-    def z_score(self, response: np.ndarray, growth: float) -> float:
-        """Return the score test's standard normal number; zero if not even `growth` times it shows."""
+    def z_score(self, candidate: Candidate, response: np.ndarray, size: float) -> float:
+        """Return the score test's standard normal number; zero if not even the largest visible size shows.
+
+        Of an effect whose shape changes with its size, each size stands for itself.
+        """
         length = self._length(response) if np.isfinite(response).all() else 0.0
+        growth = 1.0 if candidate.effect.changes_shape else _growth(candidate, size)
         return float(response @ self.score) / length if length * growth > RULE.visible_response else 0.0
 
     def _length(self, response: np.ndarray) -> float:

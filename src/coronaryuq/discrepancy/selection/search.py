@@ -180,6 +180,7 @@ def _search(
         held_out_p=p,
         folds=folds,
         measured=problem.forward.measured,
+        candidates=start.candidates,
         candidates_tested=state.tested,
         nodes=nodes,
         source=source,
