@@ -8,6 +8,7 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import COVARIATES, Condition
+from coronaryuq.discrepancy.data.drive_noise import without_noise
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.effects.drive import DRIVES
@@ -106,6 +107,7 @@ def _drive(anatomy: Anatomy, condition: Condition, period: float, file: str | Pa
             if own > 0.0 and not 1.0 / LARGEST_DRIVE <= given / own <= LARGEST_DRIVE:
                 where = f"{condition.name}.drive.{name}: mean over the network's own"
                 raise InputError(file, where, float(f"{given / own:.3g}"), "use the network's unit of pressure")
+        time, value = without_noise(time, value)
         block["bc_values"]["t"], block["bc_values"][WAVEFORMS[block["bc_type"]]] = time.tolist(), value.tolist()
     return target
 

@@ -22,8 +22,10 @@ HARMONICS = 3
 """Maximum number of harmonics of the cycle that are removed from each waveform; the rest is scatter."""
 TRIMMED = 0.1
 """Fraction of the largest squares left out: a valve that closes one sample late is not noise."""
-CORRELATIONS = (0.2, 0.35, 0.5, 0.6, 0.7, 0.8)
-"""Correlations of successive samples that are compared with none; noise that lasts longer is an offset or a drift."""
+CORRELATIONS, OF_DENSE_SAMPLES = (0.2, 0.35, 0.5, 0.6, 0.7, 0.8), (0.87, 0.92, 0.95, 0.97)
+"""Correlations of successive samples that are compared with none; the latter only of dense samples (`LONGEST`)."""
+LONGEST = 0.1
+"""Longest correlation time of dense samples, over the beat; noise that lasts longer is an offset or a drift."""
 AS_STATED, OTHER, CORRELATED = 0.6, 0.2, 0.2
 """Prior probabilities of noise as stated, of another scale, and correlated."""
 OF_VALUES = {1.0: AS_STATED, 1.5: 0.24, 2.25: 0.16}
@@ -60,9 +62,9 @@ class Alternative:
 class Estimate:
     """Noise of the waveforms of one quantity by their scatter.
 
-    noise: the most probable one, None for the stated one. alternatives: all, with the scale that the scatter shows;
-    smaller ones than stated only if most probable, none without scatter. Of a quantity without waveforms, the noise is
-    taken as stated, and the alternatives are `OF_VALUES`.
+    noise: the most probable one, None for the stated one. alternatives: all, with the scale that the scatter shows, but
+    none smaller than both the stated and the most probable one, and none without scatter. Of a quantity without
+    waveforms, the noise is taken as stated, and the alternatives are `OF_VALUES`.
     """
 
     noise: Noise | None
@@ -151,7 +153,9 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     if not waveforms:
         return Estimate(None, ())
     step, freedom = float(np.median([one.step for one in waveforms])), sum(len(one.values) for one in waveforms)
+    longest = LONGEST * waveforms[0].series.period
     times = [0.0, *(-step / np.log(correlation) for correlation in CORRELATIONS)]
+    times += [time for correlation in OF_DENSE_SAMPLES if (time := -step / np.log(correlation)) <= longest]
     fits = np.array([[one.fit(time) for one in waveforms] for time in times])
     # The median of many values varies more than their mean, by this factor.
     known = 2.0 / np.pi if len(waveforms) > 2 else 1.0
@@ -163,15 +167,16 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     free += by_scale
     stated = np.log(AS_STATED) - 0.5 * known * freedom * (squares[0] - 1.0 - np.log(squares[0]))
     white = np.log(OTHER) + free[0]
-    correlated = np.log(CORRELATED) + logsumexp(free[1:]) - np.log(len(CORRELATIONS))
+    correlated = np.log(CORRELATED) + logsumexp(free[1:]) - np.log(len(times) - 1)
     # Where standard deviations are overstated, they are kept: the answer then warns of them.
     each = [Noise(float(np.sqrt(square)), float(time)) for square, time in zip(squares, times, strict=True)]
     noise: Noise | None = each[0] if white > correlated else each[1 + int(np.argmax(free[1:]))]
     if stated >= max(white, correlated) or (white > correlated and squares[0] < 1.0):
         noise = None
-    priors = by_scale + np.log([OTHER] + [CORRELATED / len(CORRELATIONS)] * len(CORRELATIONS))
+    priors = by_scale + np.log([OTHER] + [CORRELATED / (len(times) - 1)] * (len(times) - 1))
     both = zip(each, priors, strict=True)
-    others = [Alternative(one, float(prior)) for one, prior in both if one.scale >= 1.0 or one == noise]
+    smallest = 1.0 if noise is None else min(1.0, noise.scale)
+    others = [Alternative(one, float(prior)) for one, prior in both if one.scale >= smallest]
     return Estimate(noise, (Alternative(Noise(1.0), float(np.log(AS_STATED))), *others))
 
 
