@@ -1,6 +1,7 @@
 """Search of one branch: laws fitted on all samples and in each fold, and the held-out FFR of each model."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,9 @@ FOLDS = 5
 LEAST_GAIN = 3.0
 """Log evidence relative to no effect above which there is a misfit to explain."""
 LEFT, LEFT_FLEXIBLE, LEFT_FLOORS = 0.1, 3.0, 2.0
-"""Held-out error of FFR that a law may leave: relative to the model's error, to that of a flexible discrepancy and to
-`FLOOR_FFR`. If it leaves more than all three, something outside the library is missing."""
+"""Held-out error of FFR that a law may leave: relative to the model's error, to that of a flexible discrepancy or the
+scatter, whichever is smaller, and to `FLOOR_FFR`. If it leaves more than all three, something outside the library is
+missing."""
 WORSE = 2.0
 """Standard errors, of the paired difference of squares over held-out samples, by which a law must be worse than
 recalibration to be refuted: rescaling the model's own loss is a linear loss as well, and ties."""
@@ -56,10 +58,19 @@ class BranchSearch:
         return self.ranked[0].evidence - self.recalibrated.evidence > LEAST_GAIN or self.recalibrated.own > -SHRUNK
 
     @property
+    def scatter(self) -> float:
+        """Change of what the law leaves from one sample to that of the next flow, as the noise of one sample.
+
+        A law of the wrong form leaves something that changes smoothly with flow.
+        """
+        left = (self.after - self.measured)[np.argsort(self.branch.flow3)]
+        return float(np.sqrt(0.5 * np.mean(np.diff(left) ** 2)))
+
+    @property
     def misfits(self) -> bool:
-        """Whether a Gaussian process predicts clearly better, beyond the accuracy of lumped losses."""
-        left = self.rmse(self.after)
-        return left >= max(LEFT_FLEXIBLE * self.rmse(self.flexible), LEFT_FLOORS * FLOOR_FFR)
+        """Whether what the law leaves is clearly not noise, beyond the accuracy of lumped losses."""
+        noise = min(self.rmse(self.flexible), self.scatter)
+        return self.rmse(self.after) >= max(LEFT_FLEXIBLE * noise, LEFT_FLOORS * FLOOR_FFR)
 
     @property
     def overstated(self) -> bool:
@@ -83,11 +94,12 @@ class BranchSearch:
         return self.misfits and self.alarm and not self.outside
 
 
-def search_branch(branch: Branch, fold: np.ndarray) -> BranchSearch:
-    """Select laws for one branch. fold: (n,), the fold that each sample is held out in."""
-    flexible = np.empty(len(fold))
-    for k in range(FOLDS):
-        flexible[fold == k] = _gaussian_process(branch, fold != k, fold == k)
+def search_branch(branch: Branch, fold: np.ndarray, others: Sequence[Branch] = ()) -> BranchSearch:
+    """Select laws for one branch. fold: (n,), the fold that each sample is held out in; others: the other branches."""
+    measured = branch.distal3 / branch.root3
+    own, every = ([branch.root0, *_outputs([branch, *more])] for more in ((), others))
+    held_out = [_held_out(np.column_stack(inputs), measured, fold) for inputs in (own, *([every] if others else []))]
+    flexible = min(held_out, key=lambda ffr: float(np.sum((ffr - measured) ** 2)))
     search = _search(branch, fold, flexible, LAWS)
     if search.doubt and len(search.choice.fit.law.effects) > 1:
         # If the form of the loss is wrong, a sensor error absorbs the difference.
@@ -109,15 +121,25 @@ def _search(branch: Branch, fold: np.ndarray, flexible: np.ndarray, laws: tuple[
     return BranchSearch(branch, ranked, choose(ranked), in_folds, measured, before, plain, after, flexible)
 
 
-def _gaussian_process(branch: Branch, train: np.ndarray, test: np.ndarray) -> np.ndarray:
-    """Predict FFR from the simulated outputs by a Gaussian process, a reference for the information in the pairs."""
+def _outputs(of: Sequence[Branch]) -> list[np.ndarray]:
+    return [output for branch in of for output in (branch.flow0, branch.distal0 / branch.root0)]
+
+
+def _held_out(inputs: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
+    """Predict each sample's target (n,) from its inputs (n, k), by the samples of the other folds."""
+    predicted = np.empty(len(fold))
+    for k in range(FOLDS):
+        predicted[fold == k] = _gaussian_process(inputs, target, fold != k, fold == k)
+    return predicted
+
+
+def _gaussian_process(inputs: np.ndarray, target: np.ndarray, train: np.ndarray, test: np.ndarray) -> np.ndarray:
+    """Predict FFR from simulated outputs by a Gaussian process, a reference for the information in the pairs."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
-    inputs = np.column_stack([branch.flow0, branch.distal0 / branch.root0, branch.root0])
     inputs = inputs[:, inputs[train].std(axis=0) > CONSTANT * np.abs(inputs[train]).max(axis=0)]
-    target = branch.distal3 / branch.root3
     if inputs.shape[1] == 0:
         return np.full(int(test.sum()), target[train].mean())
     inputs = (inputs - inputs[train].mean(axis=0)) / inputs[train].std(axis=0)

@@ -58,7 +58,8 @@ def discover_pairs(simulated: str | Path, measured: str | Path, out_dir: Path, s
     """
     table0, table3 = read_pairs(simulated, measured)
     fold = generator(seed, "discrepancy", "pairs").permutation(np.arange(len(table0)) % FOLDS)
-    searches = [search_branch(branch, fold) for branch in branches(table0, table3, simulated, measured)]
+    found = branches(table0, table3, simulated, measured)
+    searches = [search_branch(branch, fold, [other for other in found if other is not branch]) for branch in found]
     answers = [_answer(search) for search in searches]
     summary = _summary(answers)
     clear(out_dir)
