@@ -104,7 +104,7 @@ def in_words(device: dict[str, Any]) -> str:
     read = f"One device reads {device['quantity']} in {', '.join(names[:-1])} and {names[-1]}"
     name, probability = max(device["probabilities"].items(), key=lambda item: item[1])
     if name == NONE:
-        return f"{read}: no error of its chain (probability {probability:.2f})."
+        return f"{read}: no delay, low-pass or resonance of its chain (probability {probability:.2f})."
     if name == OTHER:
         leading = f" Of the listed errors, {_sized(device['errors'][0])}, would suit best." if device["errors"] else ""
         return f"{read}: something else is missing in these recordings (probability {probability:.2f}).{leading}"

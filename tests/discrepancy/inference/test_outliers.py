@@ -41,6 +41,17 @@ def test_noise_and_smooth_residuals_have_no_outliers():
         assert not found(noise(seed) + 20.0 * np.sin(2.0 * np.pi * phase) + 3.0 * np.cos(6.0 * np.pi * phase))
 
 
+@given(st.integers(0, 3), st.integers(0, 99))
+@settings(max_examples=50)
+def test_an_oscillation_that_the_model_misses_is_no_outlier(number, seed):
+    """At a third of the sampling rate it is off the line between its neighbours in most samples, by up to 12 sd."""
+    residual = noise(seed)
+    own = slice(number * SAMPLES, (number + 1) * SAMPLES)
+    growing = np.linspace(0.5, 1.0, SAMPLES)
+    residual[own] += 10.0 * growing * np.sin(2.0 * np.pi * np.arange(SAMPLES) / 3.0)
+    assert not found(residual)
+
+
 @given(st.integers(0, 3), st.integers(1, SAMPLES - 2), st.sampled_from((-1.0, 1.0)), st.integers(0, 99))
 @settings(max_examples=100)
 def test_an_added_outlier_is_found(number, sample, sign, seed):

@@ -59,10 +59,10 @@ SOURCE = {"vessel": "lad", "nodes": [{"vessel": "lad", "nats": 12.0}], "laws": {
 SOURCE |= {"says": "constant"}
 
 
-def shown_in(*where, probability=0.97, form=ALONE, source=SOURCE):
+def shown_in(*where, probability=0.97, form=ALONE, source=SOURCE, driven=True):
     keys = ("quantity", "location", "condition", "probability")
     places = [dict(zip(keys, own, strict=True)) for own in (("", "", "", 0.02), (*where, probability))]
-    return summary_text._shown({"leading_form": form, "shows_in": places}, source)
+    return summary_text._shown({"answer": {"leading_form": form, "shows_in": places}, "driven": driven}, source)
 
 
 def test_one_place_where_something_else_shows_is_told_and_no_flow_offered_for_an_error_of_a_pressure():
@@ -104,6 +104,23 @@ def agreeing(alarm, conflicts=()):
     return summary_text.paragraph(
         answer | {"alarm": alarm, "noise": {}, "outliers": [], "prior_conflicts": list(conflicts)}
     )
+
+
+def test_a_condition_that_differs_in_all_its_data_is_told_without_a_drive_that_a_closed_loop_has_not():
+    said = shown_in("", "", "drug")
+    assert "in the data under drug alone (probability 0.97): check how they were recorded, and what else" in said
+    assert "and the drive" in shown_in("flow", "", "drug") and "drive" not in shown_in("flow", "", "drug", driven=False)
+    assert "of the drive" in shown_in("flow", "", "") and "drive" not in shown_in("flow", "", "", driven=False)
+
+
+def test_what_only_held_out_conditions_show_is_not_said_to_be_outside_the_library():
+    forms = {"leading_form": ALONE, "probabilities": {OTHER: 0.8}, "shows_in": []}
+    answer = {"alarm": False, "held_out": {}, "facts": {"best": [], "answer": forms}}
+    said = summary_text._outside_library(answer, ["hyperaemia"])
+    assert said.startswith(
+        "Something is missing (probability 0.80) that only the held-out conditions (hyperaemia) show."
+    )
+    assert "library" not in said and said.endswith("hold out another one.")
 
 
 def test_a_model_whose_misfit_is_within_its_own_error_is_not_said_to_agree():

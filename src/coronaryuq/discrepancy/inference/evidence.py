@@ -7,10 +7,12 @@ plausible, and where something else shows, with one amplitude as a fraction of e
 - in one quantity alone, as a flow that is diverted hardly changes pressures;
 - at one place alone, as an error of a probe;
 - in one quantity under one condition alone, as a recording that went wrong;
-- in one quantity, the same at all places, as an error of the device that reads them.
+- under one condition alone, in all its data, as a state of the patient that the conditions do not describe;
+- in one quantity, the same at all places, as an error of the device that reads them;
+- the same under one condition alone.
 
-The five are equally likely. All but the first are of waveforms and pullbacks: in single values alone, something else
-cannot be distinguished from a larger error.
+The seven are equally likely. Apart from single values under a condition that has waveforms, all but the first are of
+waveforms and pullbacks: in single values alone, something else cannot be distinguished from a larger error.
 
 Waveforms have independent errors given the parameters of the model, and something else independent parts: one per
 measured place and quantity, one per condition of these, or one per quantity. So every quantity contributes a matrix of
@@ -86,8 +88,8 @@ class Data:
         }
         alone, shared = (gp_discrepancy.features(problem, common)[chosen] for common in (False, True))
         several = {number for number, one in enumerate(series) if one.value.size > 1}
-        everywhere, by_quantity, by_place, by_condition, common, common_there = (
-            defaultdict[Where, list[Part]](list) for _ in range(6)
+        everywhere, by_quantity, by_place, by_recording, by_condition, common, common_there = (
+            defaultdict[Where, list[Part]](list) for _ in range(7)
         )
         blocks = gp_discrepancy.blocks(problem)[chosen]
         for number in np.unique(blocks):
@@ -100,14 +102,20 @@ class Data:
                 by_place[name, place, ""].append(whole)
             for one in sorted(waveforms):
                 part = Part(rows[one], alone[rows[one]], name, self.noises[name])
-                by_condition[name, "", series[one].condition].append(part)
+                by_recording[name, "", series[one].condition].append(part)
         for name in self.names:
             mine = [number for number in sorted(several & rows.keys()) if series[number].quantity == name]
             for condition in dict.fromkeys(("", *(series[number].condition for number in mine)) if mine else ()):
                 read = [rows[number] for number in mine if condition in ("", series[number].condition)]
                 all_read, form = np.concatenate(read), common_there if condition else common
                 form[name, "", condition].append(Part(all_read, shared[all_read], name, self.noises[name]))
-        self.forms = [form for form in (everywhere, by_quantity, by_place, by_condition, common, common_there) if form]
+        recorded = {series[number].condition for number in several & rows.keys()}
+        for number, own in rows.items():
+            if series[number].condition in recorded:
+                part = Part(own, alone[own], series[number].quantity, self.noises[series[number].quantity])
+                by_condition["", "", series[number].condition].append(part)
+        forms = (everywhere, by_quantity, by_place, by_recording, by_condition, common, common_there)
+        self.forms = [form for form in forms if form]
         """Parts of the data in which something else may be, by where it then shows."""
 
     def evidence(self, at_zero: np.ndarray, jacobian: np.ndarray, lacking: float = 0.0) -> "Evidence":

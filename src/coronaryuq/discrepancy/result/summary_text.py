@@ -83,7 +83,8 @@ def paragraph(answer: Mapping) -> str:
     )
     text += conflict_text("Recalibration has to move", answer["prior_conflicts"])
     if answer["outside_library"]:
-        return text + _outside_library(answer, held_out) + _shown(facts["answer"], answer["unknown_source"])
+        said = text + _outside_library(answer, held_out)
+        return said + ("" if _unseen(answer, held_out) else _shown(facts, answer["unknown_source"]))
     for number, effect in enumerate(answer["named"]):
         text += "The best explanation is " if number == 0 else "A further effect is "
         text += _named_effect(effect, facts["best"])
@@ -95,6 +96,11 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     gaps, best, forms = answer["held_out"], answer["facts"]["best"], answer["facts"]["answer"]
     one, certainty = len(best) == 1, forms["probabilities"][OTHER]
     start = f"Something other than an effect of the library is missing (probability {certainty:.2f})"
+    if _unseen(answer, held_out):
+        return (
+            f"Something is missing (probability {certainty:.2f}) that only the held-out conditions "
+            f"({', '.join(held_out)}) show. No effect is named, because none is fitted to these: hold out another one."
+        )
     if not best:
         return f"{start}: {_shape_text(gaps)}"
     labels = listed([label_text(effect) for effect in best])
@@ -123,12 +129,16 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         reason = f"no effect of the library explains a part of it. {capitalised(_shape_text(gaps))}"
     else:
         reason = (
-            f"{candidate}, {labels}, {'leaves' if one else 'leave'} a misfit that {'its' if one else 'their'} law does "
-            f"not have (probability of the name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}); "
-            f"to a flexible error {'it adds' if one else 'they add'} {max(forms['support_nats'], 0.0):.0f} nats of "
-            f"evidence. {capitalised(_shape_text(gaps))} {change}"
+            f"{candidate}, {labels}, {'explains' if one else 'explain'} only a part of it (probability of the "
+            f"name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}; evidence beside a flexible error: "
+            f"{max(forms['support_nats'], 0.0):.0f} nats). {capitalised(_shape_text(gaps))} {change}"
         )
     return f"{start}: {reason}"
+
+
+def _unseen(answer: Mapping, held_out: list[str]) -> bool:
+    """Whether the fitted conditions show nothing of what is missing."""
+    return bool(held_out) and not (answer["facts"]["best"] or answer["alarm"])
 
 
 def _miswired(answer: Mapping) -> str:
@@ -151,24 +161,31 @@ def _wiring(error: Mapping) -> str:
     return error["statement"] + (f" (or, not distinguished by these data: {others})" if others else "")
 
 
-def _shown(forms: Mapping, source: Mapping | None) -> str:
+def _shown(facts: Mapping, source: Mapping | None) -> str:
     """State in which data alone something else shows, if that is probable, and where an unknown flow may be."""
+    forms = facts["answer"]
     likeliest = max(forms["shows_in"], key=lambda one: one["probability"])
     quantity, place, condition = likeliest["quantity"], likeliest["location"], likeliest["condition"]
-    if forms["leading_form"] in (VARYING, MISWIRED, UNLISTED) or not quantity or likeliest["probability"] < 0.5:
+    elsewhere = forms["leading_form"] in (VARYING, MISWIRED, UNLISTED)
+    if elsewhere or not (quantity or condition) or likeliest["probability"] < 0.5:
         return _source(source)
-    if place:
+    if not quantity:
+        data = f"the data under {condition}"
+        cause = "check how they were recorded, and what else differs under this condition."
+    elif place:
         data, unseen = (
             f"the {quantity} at {place}",
             {"flow": "flow or bed", "pressure": "loss of pressure"}.get(quantity),
         )
         cause = f"an error of that measurement{f', or a {unseen} that no other one sees' if unseen else ''}."
     elif condition:
-        data, cause = f"the {quantity} waveforms under {condition}", "check how they and the drive were recorded."
+        data = f"the {quantity} waveforms under {condition}"
+        cause = f"check how they {'and the drive ' if facts['driven'] else ''}were recorded."
     else:
         data, cause = (
             f"the {quantity} waveforms",
-            "an error that they share or of the drive, or a cause that hardly changes the others.",
+            f"an error that they share{' or of the drive' if facts['driven'] else ''}, or a cause that hardly changes "
+            "the others.",
         )
     said = f" It shows in {data} alone (probability {likeliest['probability']:.2f}): {cause}"
     return said + (_source(source) if quantity == "flow" else "")
@@ -253,7 +270,7 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
         after, flexible, both = (gaps[model][DENSITY] for model in ("after", "flexible", "both"))
         text += f"Something remains unexplained ({p_text(p)}){flexible_text(after, flexible, both, named)}. "
     else:
-        text += f"The remaining misfit is within the noise ({p_text(p)}). "
+        text += f"The remaining misfit of the fitted data is within the noise ({p_text(p)}). "
     if named:
         text += conflict_text("With the named effects, recalibration still moves", answer["prior_conflicts_remaining"])
     return text
