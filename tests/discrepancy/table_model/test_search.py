@@ -72,6 +72,51 @@ def test_no_effect_is_named_if_no_law_explains_the_pairs(tmp_path):
     assert "no pressure-loss law explains it" in answer["paragraph"]
 
 
+def with_a_further_drop(table, drop):
+    """The measured table with a further drop (n,) ahead of its distal pressure and outlet."""
+    root = table["mean_pressure:heart:aorta"]
+    return table.assign(
+        **{"ffr_x": table.ffr_x - drop / root, "mean_pressure:v1:BC": table["mean_pressure:v1:BC"] - drop}
+    )
+
+
+@pytest.mark.slow
+def test_a_loss_of_another_form_is_not_named_although_a_smooth_regression_misses_it_as_well(tmp_path):
+    """It begins at the mean flow, and the measured flows are not those that the model has."""
+    files = noisy_pairs(tmp_path, 3, count=200)
+    measured, random = pd.read_csv(files[1]), np.random.default_rng(3)
+    factor = np.exp(random.uniform(-0.25, 0.25, len(measured)))
+    more = (factor - 1.0) * measured["mean_flow:v1:BC"]
+    measured["mean_flow:v1:BC"] *= factor
+    flow = measured["mean_flow:v1:BC"] / measured["mean_flow:v1:BC"].mean()
+    # Own losses of 3 and 2 before and after the distal location, and the further one.
+    measured = with_a_further_drop(measured, 3.0 * more + 30.0 * np.maximum(flow - 1.1, 0.0))
+    measured["mean_pressure:v1:BC"] -= 2.0 * more
+    measured.to_csv(files[1], index=False)
+    answer = discover_pairs(*files, tmp_path / "out", 1)
+    assert answer["outside_library"] and answer["named"] == []
+
+
+@pytest.mark.slow
+def test_a_loss_that_depends_on_another_branch_is_not_named(tmp_path):
+    """A regression on this branch alone cannot predict it, and so does not show that the law misses it."""
+    (tmp_path / "other").mkdir()
+    files, others = noisy_pairs(tmp_path, 4, count=120), noisy_pairs(tmp_path / "other", 5, count=120)
+    simulated, beside = (pd.read_csv(one) for one in (files[0], others[0]))
+    flow = beside["mean_flow:v1:BC"] / beside["mean_flow:v1:BC"].mean()
+    with_a_further_drop(pd.read_csv(files[1]), 15.0 * flow**2).to_csv(files[1], index=False)
+    for own, other in zip(files, others, strict=True):
+        table, more = pd.read_csv(own), pd.read_csv(other)
+        same_root = table["mean_pressure:heart:aorta"] / more["mean_pressure:heart:aorta"]
+        for column in more.columns.drop(["sample", "mean_pressure:heart:aorta"]):
+            factor = 1.0 if column.startswith("ffr") else same_root
+            table[column.translate(str.maketrans("xvBJ", "ywDK"))] = factor * more[column]
+        table.to_csv(own, index=False)
+    answer = discover_pairs(*files, tmp_path / "out", 1)
+    (branch,) = (one for one in answer["held_out"]["branches"] if one["branch"] == "x")
+    assert branch["outside_library"] and branch["effects"] == []
+
+
 @pytest.mark.slow
 def test_the_column_of_the_distal_pressure_is_reported(noisy):
     _, answer = noisy

@@ -34,7 +34,7 @@ def branch_text(answer: dict) -> str:
         failure = "predicts held-out samples worse than recalibration alone" if worse else "leaves too large an error"
         return (
             f"{drops}, and no pressure-loss law explains it: the best candidate, {best}, {failure}, and no "
-            f"effect is named. With it, o{error}"
+            f"effect is named. With it, o{error}{_mismatch(answer)}"
         )
     if answer["alarm"] and not answer["effects"]:
         rivals = f": {possible}" if possible else ""
@@ -89,11 +89,7 @@ def _doubts(answer: dict, own_loss: str) -> str:
             " In doubt: recalibration alone, which scales the model's own linear loss, predicts held-out samples "
             "equally well."
         )
-    if answer["rank_correlation"] < TOGETHER:
-        text += (
-            " In doubt: simulated and measured values are hardly correlated (rank correlation at most "
-            f"{answer['rank_correlation']:.2f}); check that a row of both tables is the same sample."
-        )
+    text += _mismatch(answer)
     if abs(answer["own_loss_shift"]) > STRETCHED:
         text += (
             f" With it, recalibration {own_loss} ({answer['own_loss_shift']:+.1f} standard deviations of its prior)."
@@ -103,6 +99,16 @@ def _doubts(answer: dict, own_loss: str) -> str:
         also = _listed(names, " or ")
         text += f" {also[0].upper()}{also[1:]} may also be present."
     return text
+
+
+def _mismatch(answer: dict) -> str:
+    """Warn of tables whose rows may not be the same samples."""
+    if answer["rank_correlation"] >= TOGETHER:
+        return ""
+    return (
+        " In doubt: simulated and measured values are hardly correlated (rank correlation at most "
+        f"{max(answer['rank_correlation'], 0.0):.2f}); check that a row of both tables is the same sample."
+    )
 
 
 def _listed(names: list[str], separator: str) -> str:
