@@ -1,8 +1,8 @@
 """Tables of a result."""
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.discrepancy.result.write import vessels_of
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.vessels_of import vessels_of
 
 
 def test_a_place_is_mapped_to_its_vessels():

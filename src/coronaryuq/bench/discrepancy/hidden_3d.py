@@ -14,7 +14,6 @@ from coronaryuq.core import units
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.forward.network_values import differences
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.experiment import HYPERAEMIA, Experiment, Plan, clinical_plan
 from coronaryuq.discrepancy.hidden.nature import OUR_ENGINE
@@ -27,6 +26,7 @@ from coronaryuq.flow3d.settings import Settings
 from coronaryuq.flow3d.verification.tube import tube
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
+from coronaryuq.zerod.network.differences import differences
 from coronaryuq.zerod.solver.engine import Engine
 
 PLACES = ("lca0_seg0", "lca1")

@@ -11,14 +11,10 @@ from coronaryuq.discrepancy.data.conditions import COVARIATES, Condition
 from coronaryuq.discrepancy.data.drive_noise import without_noise
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
-from coronaryuq.zerod.effects.drive import DRIVES
+from coronaryuq.zerod.network.differences import ELEMENTS, LOSS, is_number
 from coronaryuq.zerod.network.period import period_of, set_period
+from coronaryuq.zerod.network.waveforms import WAVEFORMS
 
-WAVEFORMS = DRIVES | {"CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
-"""Name of the waveform that a drive replaces in each kind of boundary condition."""
-LOSS = "stenosis_coefficient"
-ELEMENTS = ("R_poiseuille", "L", "C", LOSS)
-"""Values of a vessel; zero if the file omits them."""
 LARGEST_DRIVE = 6.0
 """Largest mean pressure of a drive over the network's own; kPa and mmHg differ by 7.5."""
 SAME_BEAT = 0.02
@@ -135,11 +131,6 @@ def _own_period(condition: Condition, period: float, file: str | Path) -> float:
             remedy += f"({target:.4g})"
             raise InputError(file, where, length, remedy)
     return target
-
-
-def is_number(value: object) -> bool:
-    """Whether a value of a network is a number rather than a waveform or a flag."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _values(network: Network, block: str) -> dict | None:

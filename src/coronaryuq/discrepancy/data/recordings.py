@@ -17,11 +17,11 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json, write_text
 from coronaryuq.core.io.tables import line_number, read_csv, write_csv
 from coronaryuq.core.io.text import visible
-from coronaryuq.discrepancy.data.apply_condition import LOSS
 from coronaryuq.discrepancy.data.beat import AORTA, FLOW, TIME, VENTRICLE, check_beat
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, check_name, write_drive
 from coronaryuq.zerod.effects.grafting import put_ahead
 from coronaryuq.zerod.effects.quadratic import TAG
+from coronaryuq.zerod.network.differences import LOSS
 
 REFERENCE = ("baseline", "rest", "control")
 """Conditions whose mean flow sets the resistance of the model, if one of them is recorded."""

@@ -7,10 +7,9 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
-from coronaryuq.discrepancy.data.apply_condition import LOSS
-from coronaryuq.discrepancy.forward.network_values import differences, scalars
 from coronaryuq.discrepancy.forward.warm_starts import Point, Structure
-from coronaryuq.zerod.effects.base import WAVE_POINTS, resampled, sampled
+from coronaryuq.zerod.network.differences import LOSS, differences, scalars
+from coronaryuq.zerod.network.waveforms import WAVE_POINTS, resampled, sampled
 from coronaryuq.zerod.solver.engine import Engine
 
 Scaled = dict[str, list[int]]

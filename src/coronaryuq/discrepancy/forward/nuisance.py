@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.discrepancy.data.apply_condition import LOSS
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
+from coronaryuq.zerod.network.differences import LOSS
 
 SD_MASS = 1.0
 

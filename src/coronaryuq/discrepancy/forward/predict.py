@@ -17,7 +17,6 @@ from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, del
 from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
-from coronaryuq.discrepancy.forward.network_values import inner_unknowns
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.pullbacks import REDUCE, Extents, extents, pressures, read
 from coronaryuq.discrepancy.forward.simulation import Simulation
@@ -26,6 +25,7 @@ from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.grafting import into_bed
 from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.network.output_names import inner_unknowns
 from coronaryuq.zerod.solver.engine import Engine
 
 Row = tuple[np.ndarray, Hypothesis]

@@ -8,13 +8,13 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.data.apply_condition import LOSS
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.simulation import Simulation
 from coronaryuq.discrepancy.hidden.other_solver import SvZeroDSimulation
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.network.differences import LOSS
 
 TRUTH_STEPS, LOOP_STEPS = 1500, 600
 """Time steps per cycle of the truth, the latter for a closed loop by svZeroDSolver; the analysis uses 300."""

@@ -13,7 +13,6 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, held_out_names
 from coronaryuq.discrepancy.data.measurements import AORTIC, Measured, measured_conditions, read_measurements
-from coronaryuq.discrepancy.forward.network_values import inner_unknowns
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances
 from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
@@ -27,6 +26,7 @@ from coronaryuq.discrepancy.inference.pullback_errors import pullback_errors
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.pullback import OF_WIRE
+from coronaryuq.zerod.network.output_names import inner_unknowns
 from coronaryuq.zerod.network.period import period_of
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.periodic import Periodicity

@@ -5,10 +5,10 @@ import pandas as pd
 
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.pullbacks import vessels_of_readings
-from coronaryuq.discrepancy.result.vessels_of import vessels_of
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.zerod.effects.measuring_chain import pullback_name
 from coronaryuq.zerod.effects.pullback import CHECK, Pullback
+from coronaryuq.zerod.effects.vessels_of import vessels_of
 
 KEPT = ("condition", "quantity", "location", "statistic", "distance_mm", "measured", "sd", "recalibrated", "repaired")
 

@@ -16,7 +16,6 @@ from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, as_entry, write_conditions
 from coronaryuq.discrepancy.data.measurements import COLUMNS, PULLBACK_COLUMNS, UNITS
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.forward.network_values import scalars
 from coronaryuq.discrepancy.forward.nuisance import element_factors
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.forward.pullbacks import extents
@@ -25,6 +24,7 @@ from coronaryuq.zerod.effects.grafting import renamed_again
 from coronaryuq.zerod.effects.pullback import CHECK
 from coronaryuq.zerod.effects.wiring_error import WiringError
 from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.network.differences import scalars
 
 Drives = dict[tuple[str, str], tuple[np.ndarray, np.ndarray]]
 """(condition, block) → times and values of a drive."""

@@ -20,12 +20,12 @@ from coronaryuq.discrepancy.result.facts import facts, prior_conflicts, with_int
 from coronaryuq.discrepancy.result.pullback_table import pullback_table
 from coronaryuq.discrepancy.result.repair import REPAIRED, REWIRED, repaired, rewired, wiring_statement
 from coronaryuq.discrepancy.result.source_table import source_entry, source_table
-from coronaryuq.discrepancy.result.vessels_of import vessels_of
 from coronaryuq.discrepancy.selection.answer import MISWIRED, NOTHING, OTHER
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.next_measurement import next_measurements
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.vessels_of import vessels_of
 
 
 def summary(found: Discovery) -> dict:

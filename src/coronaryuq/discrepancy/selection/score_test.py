@@ -84,9 +84,8 @@ def _worth_rerunning(known: Iterable[Candidate]) -> list[Candidate]:
     chosen = []
     for number, candidate in enumerate(ranked):
         seen[candidate.effect.name] += 1
-        of_effect = seen[candidate.effect.name]
         always = candidate.effect.changes_shape or candidate.effect.reads_elsewhere
-        if number < RULE.rerun or of_effect <= RULE.rerun_per_effect or always:
+        if number < RULE.rerun or seen[candidate.effect.name] <= RULE.rerun_per_effect or always:
             chosen.append(candidate)
     return chosen
 

@@ -6,10 +6,8 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values, sampled
-
-DRIVES = {"PRESSURE": "P", "FLOW": "Q"}
-"""Name of the waveform in each kind of boundary condition that drives a network."""
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
+from coronaryuq.zerod.network.waveforms import DRIVES, sampled
 
 
 class DriveGain(Effect):

@@ -6,8 +6,9 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import WAVE_POINTS, ConditionState, Effect, Parameter, Series, Values
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, grafted_name, locations_renamed, open_end
+from coronaryuq.zerod.network.waveforms import WAVE_POINTS
 
 HARMONICS = 6
 """Harmonics of the beat, of which the waveform has a sine and a cosine each besides its mean."""

@@ -7,8 +7,9 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.units import percent
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import WAVE_POINTS, ConditionState, Effect, Parameter, Series, Values, sampled
+from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 from coronaryuq.zerod.effects.beds import ALL
+from coronaryuq.zerod.network.waveforms import WAVE_POINTS, sampled
 
 EJECTION = 0.35
 """Duration of systole over the cycle if no ventricular pressure is measured (Weissler, Circulation 37 (1968) 149)."""

@@ -31,3 +31,8 @@ def unknown(name: str, model: Model) -> int:
         near = [other for other in model.variables if where.split(":")[0] in other.split(":")][:6]
         raise InputError(model.file, name, None, f"no such unknown; similar: {', '.join(near) or 'none'}")
     return model.index[name]
+
+
+def inner_unknowns(unknowns: list[str]) -> list[str]:
+    """Return the unknowns inside the heart and beds, which are not a flow or pressure between blocks."""
+    return [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]

@@ -5,10 +5,18 @@ from typing import Any
 import numpy as np
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.discrepancy.data.apply_condition import ELEMENTS, WAVEFORMS, is_number
-from coronaryuq.zerod.effects.base import sampled
 from coronaryuq.zerod.network.numbering import PERIOD
 from coronaryuq.zerod.network.period import period_of
+from coronaryuq.zerod.network.waveforms import WAVEFORMS, sampled
+
+LOSS = "stenosis_coefficient"
+ELEMENTS = ("R_poiseuille", "L", "C", LOSS)
+"""Values of a vessel; zero if the file omits them."""
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of a network is a number rather than a waveform or a flag."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def scalars(network: Network) -> dict[str, float]:
@@ -33,8 +41,3 @@ def differences(own: Network, other: Network) -> dict[str, float | np.ndarray]:
             if np.abs(before - after).max() > 1e-9 * np.abs(before).max():
                 found[name] = after
     return found
-
-
-def inner_unknowns(unknowns: list[str]) -> list[str]:
-    """Return the unknowns inside the heart and beds, which are not a flow or pressure between blocks."""
-    return [name for name in unknowns if not name.startswith(("flow:", "pressure:"))]

@@ -1,4 +1,4 @@
-"""What a network may be, and its numbers and waveforms."""
+"""What a network may be that is searched, the places of its measurements, and tissue masses."""
 
 import numpy as np
 import pytest
@@ -8,13 +8,10 @@ from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MBF_PER_MIN_PER_G
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.network_values import sampled
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
 from coronaryuq.discrepancy.inference.read_problem import check_searchable, locations, make_problem, tissue_mass
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import WAVE_POINTS
-from coronaryuq.zerod.effects.intramyocardial import waveform
 from coronaryuq.zerod.network.read import read_network
 
 
@@ -51,13 +48,6 @@ def test_networks_that_cannot_be_searched_are_rejected(change, said):
     with pytest.raises(InputError) as caught:
         check_searchable(network, "n.json")
     assert str(caught.value).startswith(f"n.json: {said}")
-
-
-def test_a_waveform_of_one_value_is_constant():
-    network = left_coronary()
-    network["boundary_conditions"][1]["bc_values"]["Pim"] = [12.0]
-    assert sampled(network, "BC_lad.Pim").tolist() == [12.0] * WAVE_POINTS
-    assert waveform(network, "BC_lad", 0.85)[1].tolist() == [12.0] * WAVE_POINTS
 
 
 @pytest.mark.parametrize(
