@@ -101,7 +101,7 @@ def test_a_loss_of_another_form_is_not_named_although_a_smooth_regression_misses
 def test_a_loss_that_depends_on_another_branch_is_not_named(tmp_path):
     """A regression on this branch alone cannot predict it, and so does not show that the law misses it."""
     (tmp_path / "other").mkdir()
-    files, others = noisy_pairs(tmp_path, 4, count=120), noisy_pairs(tmp_path / "other", 5, count=120)
+    files, others = noisy_pairs(tmp_path, 4), noisy_pairs(tmp_path / "other", 5)
     simulated, beside = (pd.read_csv(one) for one in (files[0], others[0]))
     flow = beside["mean_flow:v1:BC"] / beside["mean_flow:v1:BC"].mean()
     with_a_further_drop(pd.read_csv(files[1]), 15.0 * flow**2).to_csv(files[1], index=False)

@@ -95,9 +95,8 @@ class BranchSearch:
 def search_branch(branch: Branch, fold: np.ndarray, others: Sequence[Branch] = ()) -> BranchSearch:
     """Select laws for one branch. fold: (n,), the fold that each sample is held out in; others: the other branches."""
     measured = branch.distal3 / branch.root3
-    inputs = [np.column_stack([one.flow0, one.distal0 / one.root0]) for one in (branch, *others)]
-    inputs[0] = np.column_stack([inputs[0], branch.root0])
-    held_out = [_held_out(np.hstack(of), measured, fold) for of in ([inputs[:1], inputs] if others else [inputs])]
+    inputs = np.array([branch.root0, *(x for one in (branch, *others) for x in (one.flow0, one.distal0 / one.root0))]).T
+    held_out = [_held_out(inputs[:, :count], measured, fold) for count in dict.fromkeys((3, inputs.shape[1]))]
     flexible = min(held_out, key=lambda ffr: float(np.linalg.norm(ffr - measured)))
     search = _search(branch, fold, flexible, LAWS)
     if search.doubt and len(search.choice.fit.law.effects) > 1:
