@@ -81,7 +81,7 @@ def _doubts(answer: dict, own_loss: str) -> str:
     rmse, text = answer["ffr_rmse"], ""
     if answer["doubt"]:
         text += (
-            " In doubt: the Gaussian process predicts clearly better, so the missing loss has a different functional "
+            " In doubt: what the law leaves is clearly more than noise, so the missing loss has a different functional "
             "form; the sizes are those of the best law of this form."
         )
     if rmse["after"] > AS_WELL * rmse["recalibration_alone"]:
