@@ -123,6 +123,7 @@ def beats(frame, count, share=1.0):
         ),
         (lambda f: f.iloc[[0, 2, 1, *range(3, len(f))]], "line 4: times must increase"),
         (lambda f: f.drop(index=range(20, 50)), "largest gap over the beat = 0.39"),
+        (lambda f: f.drop(index=range(20, 26)), "largest gap over the beat = 0.089: expected at most 0.05"),
         (
             lambda f: f.assign(**{"LAD Flow [ml/s]": f["LAD Flow [ml/s]"].where(f.index != 4, np.inf)}),
             "LAD Flow [ml/s] = 'inf': line 6: expected a number",
