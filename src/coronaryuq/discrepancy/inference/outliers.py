@@ -39,9 +39,10 @@ def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
     """Return the outliers among the whitened residuals (N,) of all data, worst first.
 
     A sample's distance from the line between its neighbours is divided by its standard deviation under white noise
-    (Gasser, Sroka & Jennen-Steinmetz 1986); the worst sample is moved to the line, and so on. The ends of a waveform,
-    which have only one neighbour, are not tested. Samples that stand out at the same time of the beat in three series,
-    or in two of the same sensor under different conditions, are not artefacts.
+    (Gasser, Sroka & Jennen-Steinmetz 1986), or by what most samples of the waveform are off, if that is larger; the
+    worst sample is moved to the line, and so on. The ends of a waveform, which have only one neighbour, are not tested.
+    Samples that stand out at the same time of the beat in three series, or in two of the same sensor under different
+    conditions, are not artefacts.
     """
     found = []
     for number, series in enumerate(problem.forward.measured):
