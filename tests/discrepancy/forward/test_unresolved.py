@@ -1,13 +1,12 @@
-"""Parts of waveforms that no run resolves: instruments read them as they read the rest."""
+"""Waveforms at points of a model, with effects on its network and as instruments read them."""
 
 import numpy as np
 import pytest
 
-from coronaryuq.case.network.topology import Topology
-from coronaryuq.discrepancy.forward.hypothesis import PLAIN
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.instruments import instruments
 from coronaryuq.discrepancy.forward.simulation import TOLERANCE
-from coronaryuq.discrepancy.forward.unresolved import changed_by_instruments, sampled, waveforms
+from coronaryuq.discrepancy.forward.unresolved import sampled, waveforms
 from support.hypotheses import assume
 from support.small_loop import fresh
 
@@ -17,35 +16,37 @@ def forward():
     return fresh().forward
 
 
-def test_samples_of_the_waveforms_are_the_predictions(forward):
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (),
+        [("inertance", "lca1")],
+        # This adds a vessel, so that places have other names.
+        [("quadratic_stenosis", "lca1"), ("flow_low_pass", "J0:lca2")],
+        # The pressure at the other place is measured.
+        [("exchanged_pressures", "J_heart_outlet:aorta and lca1:BC_lca1")],
+        [("trigger_delay", "every flow")],
+    ],
+)
+def test_samples_of_the_waveforms_are_the_predictions(forward, effects):
     """To the tolerance of a run, for each starts from the states known at its time."""
-    points = np.vstack([np.zeros(len(forward.nuisances)), 0.3 * np.ones(len(forward.nuisances))])
-    predicted, found = forward.predict(points), sampled(forward, waveforms(forward, points), points)
+    hypothesis = assume(*effects) if effects else Hypothesis()
+    sizes = 0.5 * np.ones(len(hypothesis.parameters))
+    points = np.array([np.append(z * np.ones(len(forward.nuisances)), sizes) for z in (0.0, 0.3)])
+    chain = instruments(hypothesis, hypothesis.physical_sizes(points[0]))
+    separate = [hypothesis.without_measurement_errors(z) for z in points]
+    on_network, (_, network) = np.array([z for z, _ in separate]), separate[0]
+    waves = waveforms(forward, on_network, network)
+    predicted, found = forward.predict(points, hypothesis), sampled(forward, waves, on_network, network, chain)
     for rows in forward.rows:
         assert np.abs(found - predicted)[:, rows].max() < 5.0 * TOLERANCE * np.ptp(predicted[:, rows])
 
 
-@pytest.mark.parametrize("effect", [("flow_low_pass", "J0:lca2"), ("trigger_delay", "every flow")])
-def test_an_instrument_reads_a_sum_of_waveforms_as_the_sum_of_its_readings(forward, effect):
-    """As low-pass and delay are linear."""
-    hypothesis = assume(effect)
-    points = np.vstack([np.zeros(len(forward.nuisances)), 0.3 * np.ones(len(forward.nuisances))])
-    z = np.append(points[0], np.ones(len(hypothesis.parameters)))
-    waves = waveforms(forward, points)
-    parts = {name: {key: wave[1:] - wave[:1] for key, wave in own.items()} for name, own in waves.items()}
-    chain, topology = instruments(hypothesis, hypothesis.physical_sizes(z)), Topology(forward.network)
-    read = np.concatenate(forward.readings(waves, points, topology, chains=[chain] * 2), axis=1)
-    (plain,) = np.diff(sampled(forward, waves, points), axis=0)
-    (changed,) = changed_by_instruments(forward, parts, z, hypothesis)
-    for series, rows in zip(forward.measured, forward.rows, strict=True):
-        assert (series.quantity == "flow") == bool(np.any(changed[rows]))
-        assert read[1, rows] - read[0, rows] == pytest.approx((plain + changed)[rows], abs=1e-9 * np.ptp(read[0, rows]))
-
-
-def test_without_instruments_nothing_changes(forward):
-    origin = np.zeros(len(forward.nuisances))
-    parts = waveforms(forward, origin[None, :])
-    assert not changed_by_instruments(forward, parts, origin, PLAIN).any()
-    hypothesis = assume(("inertance", "lca1"))
-    z = np.append(origin, np.ones(len(hypothesis.parameters)))
-    assert not changed_by_instruments(forward, parts, z, hypothesis).any()
+def test_a_probe_at_a_place_that_is_not_measured_reads_as_at_its_own(forward):
+    """The waveforms there are not kept."""
+    misplaced = assume(("misplaced_flow", "J0:lca2 towards aorta"))
+    origin = np.zeros((1, len(forward.nuisances)))
+    waves = waveforms(forward, origin, Hypothesis())
+    chain = instruments(misplaced, misplaced.physical_sizes(np.append(origin[0], 1.0)))
+    read, plain = (sampled(forward, waves, origin, Hypothesis(), one) for one in (chain, []))
+    assert np.array_equal(read, plain)

@@ -42,6 +42,14 @@ def read_through(hypothesis, forward, noise):
     ]
 
 
+def added(known, noise, missing):
+    """What an error (N,) that is taken to be as known adds to the chi-square of the noise."""
+    sd = np.hypot(noise, known.sd)
+    shapes, left = known.shapes / sd, (missing - known.change) / sd
+    weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ left)
+    return float(left @ left - weights @ (shapes @ left))
+
+
 def test_the_aorta_has_errors_like_any_vessel():
     forward, _ = model(loop())
     assert {"resistance of aorta", "compliance of aorta"} <= {error.name for error in vessel_errors(forward).errors}
@@ -61,10 +69,7 @@ def test_shapes_hold_a_fresh_draw_of_an_oscillation_that_the_steps_do_not_resolv
         (truth,), (usual,) = fine.predict(np.concatenate([z, errors])), forward.predict(z)
         missing = {"usual": truth - usual - errors @ vessels.changes, "together": truth - usual}
         for name, known in found.items():
-            sd = np.hypot(noise, known.sd)
-            shapes, left = known.shapes / sd, (missing[name] - known.change) / sd
-            weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ left)
-            squares[name] += float(left @ left - weights @ (shapes @ left)) / 4
+            squares[name] += added(known, noise, missing[name]) / 4
     # What the error adds to the chi-square of the noise, against the standard deviation of that.
     assert squares["together"] < np.sqrt(2.0 * len(noise)) < squares["usual"]
 
@@ -84,6 +89,28 @@ def test_the_phase_of_an_oscillation_is_not_corrected_at_a_fit_but_read_by_instr
     again, _ = read.corrected(PLAIN, read.calibrate(PLAIN))
     assert again.change == pytest.approx(problem.change, abs=1e-9)
     assert again.forward.shapes == pytest.approx(problem.forward.shapes, abs=1e-9)
+
+
+@pytest.mark.long
+def test_an_effect_that_changes_the_oscillation_changes_what_steps_and_vessels_do():
+    """With the errors of the model without it, a second effect had been named that removed what they left."""
+    forward, noise = model(oscillating_loop())
+    lossy = assume(("quadratic_stenosis", "lca1"))
+    measured = read_through(lossy, forward, noise)
+    problem = with_time_steps(make_problem(forward.network, forward.conditions, measured, Settings()))
+    about, _ = problem.corrected(lossy, problem.calibrate(lossy, np.append(np.zeros(problem.count), 1.0)))
+    assert about.time_steps.about[0] == lossy and problem.time_steps.about[0] == PLAIN
+    again, _ = about.corrected(PLAIN, about.calibrate(PLAIN))
+    assert again.forward.shapes == pytest.approx(problem.forward.shapes, rel=1e-6, abs=1e-6)
+    fine, random = ErrorRuns(forward).with_vessels.forward.refined(FINER), generator(3, "test", "known errors")
+    sizes, found = about.time_steps.about[1], (about.time_steps, problem.time_steps)
+    squares = np.zeros(2)
+    for _ in range(4):
+        z, errors = (random.standard_normal(len(of)) for of in (forward.nuisances, about.error_runs().vessels.errors))
+        (truth,) = fine.predict(np.concatenate([z, errors, sizes]), lossy)
+        (usual,) = forward.predict(np.append(z, sizes), lossy)
+        squares += [added(known, noise, truth - usual) / 4 for known in found]
+    assert squares[0] < 0.25 * squares[1]
 
 
 @pytest.mark.long

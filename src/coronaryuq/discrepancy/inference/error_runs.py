@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
 from coronaryuq.discrepancy.forward.unresolved import waveforms
 from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors, vessel_errors
@@ -18,7 +19,7 @@ class ErrorRuns:
     _vessels: VesselErrors | None = None
     _models: dict[int, Forward] = field(default_factory=dict)
     _known: dict[tuple[int, bytes], np.ndarray] = field(default_factory=dict)
-    _waves: dict[tuple[int, bytes], Waveforms] = field(default_factory=dict)
+    _waves: dict[tuple, Waveforms] = field(default_factory=dict)
 
     @property
     def vessels(self) -> VesselErrors:
@@ -38,10 +39,10 @@ class ErrorRuns:
             self._known[key] = self._model(times).predict(points)
         return self._known[key]
 
-    def waveforms(self, points: np.ndarray, times: int) -> Waveforms:
-        """Return the waveforms of the predictions at points (n, p) with refined time steps, at the usual steps."""
-        if (key := (times, points.tobytes())) not in self._waves:
-            found = waveforms(self._model(times), points)
+    def waveforms(self, points: np.ndarray, times: int, effects: Hypothesis) -> Waveforms:
+        """Return the waveforms at points (n, p) with refined time steps, at the usual steps; see `waveforms`."""
+        if (key := (times, points.tobytes(), *(placed.key for placed in effects))) not in self._waves:
+            found = waveforms(self._model(times), points, effects)
             self._waves[key] = {
                 condition: {name: wave[:, ::times] for name, wave in waves.items()}
                 for condition, waves in found.items()

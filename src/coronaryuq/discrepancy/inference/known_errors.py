@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN
+from coronaryuq.discrepancy.forward.instruments import Instruments
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.unresolved import sampled
-from coronaryuq.discrepancy.inference.drawn_errors import described, left_by_others
+from coronaryuq.discrepancy.inference.drawn_errors import OWN, described, left_by_others
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
-from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps, time_steps, variation
+from coronaryuq.discrepancy.inference.time_step_error import FINER, Sized, TimeSteps, time_steps, variation
 
 OSCILLATES = 3.0
 """Difference between points in their time-step error, in noise standard deviations, from which on the model oscillates
@@ -47,7 +49,7 @@ def known_errors(runs: ErrorRuns, noise: np.ndarray) -> KnownErrors:
     KnownErrors
         Shapes and remaining standard deviations.
     """
-    steps = _unresolved(runs, noise) if oscillates(runs, noise) else None
+    steps = unresolved(runs, noise, (PLAIN, np.zeros(0)), []) if oscillates(runs, noise) else None
     if steps is not None:
         return KnownErrors(steps, [], np.zeros((0, len(noise))), np.zeros(len(noise)))
     steps = time_steps(runs, noise)
@@ -59,34 +61,42 @@ def oscillates(runs: ErrorRuns, noise: np.ndarray) -> bool:
     return variation(runs, noise) > OSCILLATES
 
 
-def _unresolved(runs: ErrorRuns, noise: np.ndarray) -> TimeSteps | None:
+def unresolved(runs: ErrorRuns, noise: np.ndarray, about: Sized, chain: Instruments) -> TimeSteps | None:
     """Compare short steps and other vessels with the model, at draws of the prior of everything.
 
     After each valve closure, blood moves between vessels that store it, with a frequency that their inertances and
     compliances set. An error of a few per cent shifts this oscillation against the data by as much as it is large, once
     ten periods have passed, and so do steps that do not resolve it: its phase is unknown, and short steps at a fit do
-    not give it. Returns None if the model runs at few draws.
+    not give it.
+
+    Parameters
+    ----------
+    runs, noise
+        As for `known_errors`.
+    about
+        Effects on the network, which may change the oscillation.
+    chain
+        Instruments, which read it as they read the rest of a waveform.
+
+    Returns
+    -------
+    TimeSteps or None
+        Always with the same number of shapes, of which the last may be zero; None if the model runs at few draws.
     """
     random, forward = generator(0, "discrepancy", "time steps and vessels"), runs.forward
-    common = random.standard_normal((DRAWS, len(forward.nuisances)))
-    both = np.hstack([common, random.standard_normal((DRAWS, len(runs.vessels.errors)))])
+    common, same = random.standard_normal((DRAWS, len(forward.nuisances))), np.tile(about[1], (DRAWS, 1))
+    both = np.hstack([common, random.standard_normal((DRAWS, len(runs.vessels.errors))), same])
+    common, effects = np.hstack([common, same]), about[0]
     # Short steps start from the states of the usual ones.
-    usual, _ = runs.waveforms(common, 1), runs.with_vessels.waveforms(both, 1)
-    short = runs.with_vessels.waveforms(both, FINER)
-    change = sampled(forward, short, common) - sampled(forward, usual, common)
-    ran = np.isfinite(change).all(axis=1)
-    if ran.sum() < DRAWS // 2:
+    usual, _ = runs.waveforms(common, 1, effects), runs.with_vessels.waveforms(both, 1, effects)
+    short = runs.with_vessels.waveforms(both, FINER, effects)
+    change = np.subtract(*(sampled(forward, waves, common, effects, chain) for waves in (short, usual)))
+    change = change[np.isfinite(change).all(axis=1)]
+    if len(change) < DRAWS // 2:
         return None
-    waves = {
-        condition: {name: _mean_and_shapes((short[condition][name] - wave)[ran]) for name, wave in own.items()}
-        for condition, own in usual.items()
-    }
-    mean, *shapes = _mean_and_shapes(change[ran])
-    of_series, sd = described(forward, (), left_by_others(change[ran] / noise))
-    return TimeSteps(mean, np.vstack([shapes, noise * of_series]), noise * sd, waves)
-
-
-def _mean_and_shapes(draws: np.ndarray) -> np.ndarray:
-    """Return the mean of draws (n, N), and shapes whose standard normal weights give their covariance: (1 + n, N)."""
-    mean = draws.mean(axis=0)
-    return np.vstack([mean, (draws - mean) / np.sqrt(len(draws) - 1)])
+    most = DRAWS + sum(min(OWN, series.value.size - 1) for series in forward.measured)
+    mean, shapes = change.mean(axis=0), np.zeros((most, forward.size))
+    of_series, sd = described(forward, (), left_by_others(change / noise))
+    found = np.vstack([(change - mean) / np.sqrt(len(change) - 1), noise * of_series])
+    shapes[: len(found)] = found
+    return TimeSteps(mean, shapes, noise * sd, about)

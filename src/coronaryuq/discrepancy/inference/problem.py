@@ -9,15 +9,16 @@ import numpy as np
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.instruments import instruments
 from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.forward.unresolved import changed_by_instruments
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 from coronaryuq.discrepancy.inference.evidence import Data, PossibleNoise
 from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
+from coronaryuq.discrepancy.inference.known_errors import OSCILLATES, unresolved
 from coronaryuq.discrepancy.inference.pullback_errors import independent_sd
-from coronaryuq.discrepancy.inference.time_step_error import FINER, TimeSteps
+from coronaryuq.discrepancy.inference.time_step_error import FINER, Sized, TimeSteps
 from coronaryuq.discrepancy.settings import Settings
 
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
@@ -98,7 +99,7 @@ class Problem:
     @property
     def unresolved(self) -> bool:
         """Whether no steps tell the time-step error at a fit, so that it is an error of the waveforms."""
-        return self.time_steps is not None and self.time_steps.waves is not None
+        return self.time_steps is not None and self.time_steps.about is not None
 
     def error_runs(self) -> ErrorRuns:
         """Return the runs of the model from which its known errors follow, before it has shapes of these."""
@@ -200,18 +201,28 @@ class Problem:
         steps, shapes = self.time_steps, self.forward.shapes
         if steps is None or shapes is None:
             return None
-        if steps.waves is None:
+        if steps.about is None:
             (change,) = self.time_step_change([(z, hypothesis)])
             small = not np.isfinite(change).all() or self.missed(change) < RULE.time_step_error
             return None if small else replace(self, time_steps=replace(steps, change=change))
-        # What no steps tell is an error of the waveforms, and instruments read it with them.
-        by_instruments = changed_by_instruments(self.forward, steps.waves, z, hypothesis)
-        moved = by_instruments - steps.by_instruments
+        drawn, count = self._unresolved_at(steps, steps.about, z, hypothesis), len(steps.shapes)
+        moved = np.vstack([drawn.change - steps.change, drawn.shapes - steps.shapes])
         if np.linalg.norm(moved / self.sd) < RULE.time_step_error:
             return None
-        steps = replace(steps, change=steps.change + moved[0], by_instruments=by_instruments)
-        shapes = np.vstack([shapes[: len(moved) - 1] + moved[1:], shapes[len(moved) - 1 :]])
-        return replace(self, forward=replace(self.forward, shapes=shapes), time_steps=steps)
+        shapes = np.vstack([drawn.shapes, shapes[count:]])
+        return replace(self, forward=replace(self.forward, shapes=shapes), time_steps=drawn)
+
+    def _unresolved_at(self, steps: TimeSteps, about: Sized, z: np.ndarray, hypothesis: Hypothesis) -> TimeSteps:
+        """Return the error that no steps tell, with other effects on the network if these have changed it."""
+        point, effects = hypothesis.without_measurement_errors(z)
+        if effects or about[0]:
+            before = np.append(effects.nuisances(point), about[1]), about[0]
+            (moved,) = np.diff(self.time_step_change([before, (point, effects)]), axis=0)
+            if np.linalg.norm(moved / self.sd) > OSCILLATES:
+                about = effects, effects.all_sizes(point)
+        # It is an error of the waveforms, which instruments read with them.
+        chain, noise = instruments(hypothesis, hypothesis.physical_sizes(z)), np.sqrt(self.sd**2 - steps.sd**2)
+        return unresolved(self.error_runs(), noise, about, chain) or steps
 
     def time_step_change(self, rows: list[tuple[np.ndarray, Hypothesis]]) -> np.ndarray:
         """Return the change (n, N) of predictions by shorter time steps for rows (z, hypothesis), CGS."""

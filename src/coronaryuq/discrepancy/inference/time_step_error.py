@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.forward.predict import Waveforms
+from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.drawn_errors import SHAPED, described, left_by_others, principal
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 
@@ -15,22 +15,23 @@ DRAWS, MORE, FEW, SPREAD = 16, 32, 2, 0.5
 """Number of points at which steps are compared (the plain model, and draws of the nuisance parameters with standard
 deviation `SPREAD`); number in all, and with the finest steps, if the change differs between points."""
 
+Sized = tuple[Hypothesis, np.ndarray]
+"""Effects, and their sizes in standard deviations."""
+
 
 @dataclass(frozen=True)
 class TimeSteps:
     """Change of predictions by steps `FINER` times as short, CGS.
 
     change: mean (N,); shapes: largest differences between points, of all rows and then of single series, (k, N), with
-    standard normal weights; sd: standard deviation of the rest (N,), independent between rows. waves: waveforms of the
-    mean and of the first m shapes (1 + m, steps + 1), where short steps at a fit do not tell the change there.
-    by_instruments: what the instruments of the effects found change of their readings, included above: (1 + m, N).
+    standard normal weights; sd: standard deviation of the rest (N,), independent between rows. about: where short steps
+    at a fit do not tell the change there, the effects on the network with which it was drawn.
     """
 
     change: np.ndarray
     shapes: np.ndarray
     sd: np.ndarray
-    waves: Waveforms | None = None
-    by_instruments: np.ndarray | float = 0.0
+    about: Sized | None = None
 
 
 def variation(runs: ErrorRuns, noise: np.ndarray) -> float:
