@@ -106,15 +106,14 @@ def search_branch(branch: Branch, fold: np.ndarray, others: Sequence[Branch] = (
 
 
 def _search(branch: Branch, fold: np.ndarray, flexible: np.ndarray, laws: tuple[Law, ...]) -> BranchSearch:
-    after, plain = np.empty(len(fold)), np.empty(len(fold))
-    in_folds = []
+    ranked = fit_laws(branch, np.ones(len(fold), dtype=bool), laws)
+    after, plain, in_folds = np.empty(len(fold)), np.empty(len(fold)), []
     for k in range(FOLDS):
         train, test = fold != k, fold == k
-        best = choose(fit_laws(branch, train, laws)).fit
+        best = choose(fit_laws(branch, train, laws, ranked)).fit
         in_folds.append(best.law.effects)
         after[test] = predict(branch, best.terms)[0][test]
         plain[test] = predict(branch, fit_law(branch, LAWS[0], train).terms)[0][test]
-    ranked = fit_laws(branch, np.ones(len(fold), dtype=bool), laws)
     measured, before = branch.distal3 / branch.root3, branch.distal0 / branch.root0
     return BranchSearch(branch, ranked, choose(ranked), in_folds, measured, before, plain, after, flexible)
 

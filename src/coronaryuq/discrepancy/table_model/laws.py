@@ -1,6 +1,6 @@
 """Pressure-loss laws in a branch of a table model: predictions, fits, and sizes with intervals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import itemgetter
@@ -120,12 +120,12 @@ def predict(branch: Branch, terms: Terms) -> tuple[np.ndarray, np.ndarray, np.nd
     return (gain * distal + offset) / root, flow * (1.0 + terms.get("flow", 0.0)), outlet / root
 
 
-def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
+def fit_law(branch: Branch, law: Law, rows: np.ndarray, near: Sequence[float] = ()) -> LawFit:
     """Fit a law to the samples `rows` (n,) bool, with the noise of each output profiled out above its floor.
 
     Minimises n/2 (log s^2 + mean square / s^2) of FFR, flow and outlet pressure plus the priors, with n at most
     `MOST_EFFECTIVE`. The log evidence is lowered by k/2 log n for the k terms of the law, and by log 10
-    for each effect.
+    for each effect. near: an optimum of other samples, from which it starts beside the prior's mean.
     """
     terms, objectives = _posterior(branch, law, rows)
 
@@ -137,6 +137,7 @@ def fit_law(branch: Branch, law: Law, rows: np.ndarray) -> LawFit:
     none = np.zeros(len(law.terms))
     starts = [np.r_[0.0, own, 0.0, none] for own in OWN_LOSS]
     starts += [np.r_[0.0, 0.0, 0.0, none + k] for k in (-1.0, 1.0) if law.terms]
+    starts = [np.zeros(len(near)), np.array(near)] if near else starts
     optima = [minimize(with_gradient, start, method="BFGS", jac=True, options={"gtol": STEEPEST}) for start in starts]
     best = min(optima, key=lambda optimum: optimum.fun)
     fitted: Terms = {name: float(value) for name, value in terms(best.x).items()}
@@ -231,6 +232,9 @@ def sizes(branch: Branch, fit: LawFit, rows: np.ndarray) -> dict[str, Size]:
     return intervals | {name: interval(partial(dimensionless, name), name not in SENSORS) for name in fit.law.effects}
 
 
-def fit_laws(branch: Branch, rows: np.ndarray, laws: tuple[Law, ...] = LAWS) -> list[LawFit]:
-    """Fit laws to the samples `rows` (n,) bool, best first."""
-    return sorted((fit_law(branch, law, rows) for law in laws), key=lambda fit: -fit.evidence)
+def fit_laws(
+    branch: Branch, rows: np.ndarray, laws: tuple[Law, ...] = LAWS, near: Iterable[LawFit] = ()
+) -> list[LawFit]:
+    """Fit laws to the samples `rows` (n,) bool, best first. near: their fits to other samples."""
+    points = {fit.law: fit.point for fit in near}
+    return sorted((fit_law(branch, law, rows, points.get(law, ())) for law in laws), key=lambda fit: -fit.evidence)
