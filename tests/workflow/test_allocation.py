@@ -36,6 +36,7 @@ def growing(tmp_path):
     return checkout
 
 
+@pytest.mark.long
 def test_the_checkpoint_runs_rounds_until_it_is_done(growing):
     jobs = growing.dry_run()
     assert jobs["allocation"] == 1 and jobs["flow3d_batch"] == 2, "the first round is planned, no more is known yet"

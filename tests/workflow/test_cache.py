@@ -42,6 +42,7 @@ def test_another_quantity_recomputes_nothing_expensive(again):
     assert {"estimation_train", "zerod_resampled", "estimation", "report"} <= set(jobs)
 
 
+@pytest.mark.long
 def test_more_samples_add_only_the_new_ones(again):
     jobs = again(settings={"samples": {"n_3d": 24}})
     assert jobs["flow3d_batch"] == 1

@@ -92,7 +92,7 @@ def test_where_svzerodsolver_is_missing_our_engine_makes_the_data(monkeypatch, c
         benchmark.Options(quick=True, nature="svzerod").drawn()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_size_is_scaled_until_it_leaves_the_wanted_trace(tmp_path):
     for number, name in enumerate(("flow_gain", "diffuse_narrowing")):
         case = Case((name,), "trace 20", "nominal", 5)

@@ -112,10 +112,8 @@ def test_the_answer_is_the_same(case, tmp_path):
     same(tmp_path, case)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "effects", [(), pytest.param(("quadratic_stenosis",), marks=pytest.mark.long)], ids=["nothing", "stenosis"]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("effects", [(), ("quadratic_stenosis",)], ids=["nothing", "stenosis"])
 def test_understated_and_lasting_noise_together_are_seen(effects, tmp_path):
     """Standard deviations of two thirds of the true ones, and a correlation of 0.7 of successive samples."""
     truth, _ = hide(Case(effects, "medium", "correlated", 100), open_loop(), tmp_path)

@@ -12,7 +12,8 @@ from coronaryuq.zerod.svzerodsolver.program import installed
 
 pytestmark = pytest.mark.slow
 DRIFT = "wire_drift at left_main>lad under hyperaemia"
-PROGRAMS = ["own", pytest.param("svzerod", marks=pytest.mark.skipif(installed() is None, reason="no svZeroDSolver"))]
+SVZEROD = pytest.mark.skipif(installed() is None, reason="no svZeroDSolver")
+PROGRAMS = [pytest.param("own", marks=pytest.mark.long), pytest.param("svzerod", marks=SVZEROD)]
 
 
 CENTRES = [2.6, *(pytest.param(centre, marks=pytest.mark.long) for centre in (5.0, 8.2))]
