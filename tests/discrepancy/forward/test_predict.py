@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
@@ -15,7 +13,6 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward import hypothesis, predict
 from coronaryuq.discrepancy.forward.hypothesis import shared_grafts
-from coronaryuq.discrepancy.forward.interpolation import interpolated
 from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.library import LIBRARY, effect
@@ -187,12 +184,3 @@ def test_values_set_by_an_effect_are_computed_once_for_all_nuisance_parameters(p
     assert len(computed) == len(set(computed)) == 2 * len(problem.forward.conditions), "two sizes"
     alone = np.array([problem.forward.predict_rows([row])[0] for row in rows])
     assert np.abs((together - alone) / problem.sd).max() < 1e-6
-
-
-@given(st.integers(0, 10**6), st.lists(st.floats(-2.0, 2.0), min_size=4, max_size=4))
-def test_waves_are_interpolated_to_the_bits_of_numpy(seed, late):
-    random = generator(seed, "test", "interpolation")
-    waves, grid, time = random.standard_normal((4, 31)), np.linspace(0.0, 0.8, 31), random.uniform(0.0, 0.8, 17)
-    found = interpolated(waves, 0.8, time, np.array([late[0], late[0], *late[2:]]), 0.8)
-    for own, wave, shift in zip(found, waves, [late[0], late[0], *late[2:]], strict=True):
-        assert own.tolist() == np.interp((time - shift) % 0.8, grid, wave).tolist()
