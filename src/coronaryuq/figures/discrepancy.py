@@ -19,9 +19,9 @@ from coronaryuq.case.case_json import read_case
 from coronaryuq.case.network.network_names import InWords
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.style import MUTED, saved
+from coronaryuq.figures.units_shown import shown_in
 
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#8C7AB8", "#B5477F", "#8A6D1D"
 TOGETHER = "#4B2E83"

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from coronaryuq.core.io.tables import read_csv
-from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.figures.discrepancy import AFTER, BEFORE, MEASURED, after_label, words_of
 from coronaryuq.figures.style import MUTED, saved
+from coronaryuq.figures.units_shown import shown_in
 
 SIGNIFICANT = 0.8
 """FFR at or below which a stenosis is treated (Tonino et al., N. Engl. J. Med. 360 (2009) 213)."""

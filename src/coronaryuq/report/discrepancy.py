@@ -13,9 +13,9 @@ from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.units import percent
 from coronaryuq.discrepancy.result.phrases import worth_measuring
 from coronaryuq.discrepancy.result.summary_text import paragraph
-from coronaryuq.discrepancy.result.units_shown import shown_in
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.discrepancy import words_of
+from coronaryuq.figures.units_shown import shown_in
 from coronaryuq.report.captions import INVENTED, SEARCHES, category_of_search
 from coronaryuq.report.embedding import data_url, in_code, in_script
 

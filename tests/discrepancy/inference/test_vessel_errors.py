@@ -1,14 +1,19 @@
 """Errors of the vessels: their shapes are the changes of the predictions, in full."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.inference.read_problem import make_problem
+from coronaryuq.discrepancy.inference.locate import locate
+from coronaryuq.discrepancy.inference.read_problem import make_problem, with_time_steps
 from coronaryuq.discrepancy.inference.vessel_errors import SD_RESISTANCE, vessel_errors
 from coronaryuq.discrepancy.settings import Settings
+from support import large_aorta
 
 
 @pytest.mark.slow
@@ -27,3 +32,33 @@ def test_shapes_and_rest_hold_the_change_by_a_narrower_vessel():
     left = change - weights @ (shapes / noise)
     assert np.linalg.norm(left) <= np.linalg.norm(rest / noise) + 1e-9
     assert np.linalg.norm(weights) <= 1.0 + 1e-6, "within one standard deviation"
+
+
+@pytest.mark.slow
+def test_errors_of_a_vessel_that_resonates_are_parameters_of_the_model():
+    """Their effect is not linear: taken as such, 8 % of an aorta's inertance were something else, at 1.00."""
+    forward = large_aorta.blank().forward
+    errors = vessel_errors(forward).errors
+    off = {"inertance of aorta": -1.0, "compliance of aorta": 1.0, "compliance of descending": -1.0}
+    sizes = [off.get(error.name, 0.0) for error in errors]
+    truth = forward.with_nuisances([*forward.nuisances, *errors]).refined(8)
+    values = truth.split(truth.predict(np.append(np.zeros(len(forward.nuisances)), sizes)))
+    random = generator(1, "test", "large aorta")
+    measured = [
+        replace(series, value=value[0] + series.sd * random.standard_normal(value.shape[1]))
+        for series, value in zip(forward.measured, values, strict=True)
+    ]
+    problem = with_time_steps(make_problem(forward.network, forward.conditions, measured, Settings()))
+    known = {nuisance.name: column for column, nuisance in enumerate(problem.forward.nuisances)}
+    assert "inertance of aorta" in known and not any("lcx" in name for name in known if name.startswith("inertance"))
+    # Theirs are shorter, for the error of the usual ones is larger than the noise.
+    assert problem.settings.steps_per_cycle > Settings().steps_per_cycle
+    fit = problem.calibrate(PLAIN)
+    assert locate(problem, fit).p > 0.01
+    for name in off.keys() & known.keys():
+        assert abs(fit.z[known[name]] - off[name]) < 4.0 * np.sqrt(fit.covariance[known[name], known[name]])
+    usual = make_problem(forward.network, forward.conditions, measured, problem.settings)
+    weights, shapes, _ = vessel_errors(usual.forward).shapes(usual.sd)
+    shaped = replace(usual.forward, nuisances=[*usual.forward.nuisances, *weights], shapes=shapes)
+    linear = replace(usual, forward=shaped)
+    assert locate(linear, linear.calibrate(PLAIN)).p < 1e-6

@@ -8,12 +8,11 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import COVARIATES, Condition
-from coronaryuq.discrepancy.data.drive_noise import without_noise
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.network.differences import ELEMENTS, LOSS, is_number
 from coronaryuq.zerod.network.period import period_of, set_period
-from coronaryuq.zerod.network.waveforms import WAVEFORMS
+from coronaryuq.zerod.network.waveforms import WAVEFORMS, without_noise
 
 LARGEST_DRIVE = 6.0
 """Largest mean pressure of a drive over the network's own; kPa and mmHg differ by 7.5."""

@@ -23,6 +23,7 @@ class Nuisance:
     mass: territory whose tissue mass the factor scales instead, as perfusion is flow over mass. shape: row of
     `Forward.shapes` that is added to predictions, times z, instead. noise: whether that row is noise of the
     measurements. elements: what that row stands for in the network, ("BLOCK.parameter", change of its log by z = 1).
+    several: whether data may have several optima in it.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Nuisance:
     shape: int | None = None
     noise: bool = False
     elements: tuple[tuple[str, float], ...] = ()
+    several: bool = False
 
     @property
     def simulated(self) -> bool:

@@ -79,5 +79,5 @@ def with_known_errors(problem: Problem, sd: np.ndarray) -> tuple[np.ndarray, np.
     sd: of the noise alone, (N,).
     """
     known = known_errors(problem.error_runs(), sd)
-    shapes = np.vstack([known.steps.shapes, known.shapes])
+    shapes = np.vstack([known.steps.shapes, known.shapes, known.parameters.changes])
     return shapes, np.sqrt(sd**2 + known.steps.sd**2 + known.sd**2)

@@ -184,10 +184,8 @@ class Subject:
 
     def visible(self, signal: Signal, noise: Noise) -> float:
         """Return the least signal of an effect, in standard deviations of the true noise; see `Truth`."""
-        return least_trace(self.problem, self._model, signal.without, signal.changes, self._sd(signal, noise))
-
-    def _sd(self, signal: Signal, noise: Noise) -> np.ndarray:
-        return self._noise_sd(self._split(signal), noise.scale)
+        sd = self._noise_sd(self._split(signal), noise.scale)
+        return least_trace(self.problem, self._model, signal.without, signal.changes, sd)
 
     def _noise_sd(self, values: list[np.ndarray], scale: float) -> np.ndarray:
         """Return the standard deviations (N,) of the noise of data, by series."""

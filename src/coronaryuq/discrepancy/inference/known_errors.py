@@ -12,6 +12,7 @@ from coronaryuq.discrepancy.forward.unresolved import sampled
 from coronaryuq.discrepancy.inference.drawn_errors import OWN, described, left_by_others
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 from coronaryuq.discrepancy.inference.time_step_error import FINER, Sized, TimeSteps, time_steps, variation
+from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors
 
 OSCILLATES = 3.0
 """Difference between points in their time-step error, in noise standard deviations, from which on the model oscillates
@@ -25,10 +26,12 @@ class KnownErrors:
     """Errors of time steps and vessels.
 
     steps: of the time steps, where the model oscillates together with those of the vessels.
-    weights, shapes, sd: of the vessels, where their effect is linear, see `VesselErrors.shapes`.
+    parameters: of the vessels, where their effect is not linear. weights, shapes, sd: where it is, see
+    `VesselErrors.shapes`.
     """
 
     steps: TimeSteps
+    parameters: VesselErrors
     weights: list[Nuisance]
     shapes: np.ndarray
     sd: np.ndarray
@@ -51,9 +54,12 @@ def known_errors(runs: ErrorRuns, noise: np.ndarray) -> KnownErrors:
     """
     steps = unresolved(runs, noise, (PLAIN, np.zeros(0)), []) if oscillates(runs, noise) else None
     if steps is not None:
-        return KnownErrors(steps, [], np.zeros((0, len(noise))), np.zeros(len(noise)))
+        none = np.zeros((0, len(noise)))
+        return KnownErrors(steps, VesselErrors([], none, none), [], none, np.zeros(len(noise)))
     steps = time_steps(runs, noise)
-    return KnownErrors(steps, *runs.vessels.shapes(np.hypot(noise, steps.sd)))
+    noise = np.hypot(noise, steps.sd)
+    linear, others = runs.vessels.divided(noise)
+    return KnownErrors(steps, others, *linear.shapes(noise))
 
 
 def oscillates(runs: ErrorRuns, noise: np.ndarray) -> bool:

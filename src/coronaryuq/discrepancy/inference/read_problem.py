@@ -18,7 +18,7 @@ from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.evidence import PossibleNoise
-from coronaryuq.discrepancy.inference.known_errors import known_errors
+from coronaryuq.discrepancy.inference.known_errors import OSCILLATES, known_errors
 from coronaryuq.discrepancy.inference.noise import Estimate, Noise, white_and_correlated
 from coronaryuq.discrepancy.inference.outliers import Outlier, samples_of
 from coronaryuq.discrepancy.inference.problem import Problem
@@ -44,11 +44,12 @@ LEAST_WHITE = 0.1
 """Smallest fraction of a standard deviation that remains white noise, whatever floor and time-step allowance add."""
 OUT_OF_USE = 1e3
 """Factor on the standard deviation of a sample that is not to count."""
-STEPS_WHERE_CORRELATED = 4
-"""Refinement of an open loop's time steps where noise is correlated in time: sharp features are weighted strongly.
+REFINEMENT, SHORT = 4, 1000
+"""Refinement of an open loop's time steps, unless there are as many as `SHORT` in a cycle, where noise is correlated in
+time, because sharp features are weighted strongly then, or where the steps' error exceeds `OSCILLATES`.
 
-Time-step errors are largest there, and far from the data, where no correction at a fit applies, they would decide which
-effect is best. In a closed loop some oscillation persists with shorter steps, and runs are expensive."""
+Far from the data, where no correction at a fit applies, it would decide which effect is best. In a closed loop some
+oscillation persists with shorter steps, and runs are expensive."""
 
 
 def locations(network: Network) -> dict[str, list[str]]:
@@ -170,15 +171,27 @@ def _opposite(series: Measured, predicted: np.ndarray) -> bool:
     return mean * float(predicted.mean()) < 0.0 and abs(mean) > 3.0 * sd
 
 
+def _finer(problem: Problem) -> Settings | None:
+    """Return the settings with shorter time steps; None where the model runs with its own."""
+    steps = problem.settings.steps_per_cycle
+    if problem.forward.anatomy.closed_loop or steps >= SHORT:
+        return None
+    return problem.settings.model_copy(update={"steps_per_cycle": REFINEMENT * steps})
+
+
 def with_time_steps(problem: Problem) -> Problem:
     """Return the problem with the errors of time steps and vessels that the model is known to have.
 
     The known part of the time-step error is corrected; what varies of it, the errors of the vessels' resistance,
     inertance and compliance, and those that the readings of a pullback share, are shapes with weights to be fitted, and
-    what the shapes leave is added to the standard deviations.
+    what the shapes leave is added to the standard deviations. Errors of vessels that act on predictions nonlinearly are
+    nuisance parameters.
     """
     forward, known = problem.forward, known_errors(problem.error_runs(), problem.sd)
-    steps = known.steps
+    if np.linalg.norm(known.steps.change / problem.sd) > OSCILLATES and (settings := _finer(problem)):
+        return with_time_steps(make_problem(forward.network, forward.conditions, forward.measured, settings))
+    steps, errors = known.steps, [replace(error, several=True) for error in known.parameters.errors]
+    forward = forward.with_nuisances([*forward.nuisances, *errors]) if errors else forward
     of_wires, shared = pullback_errors(forward.measured)
     weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(steps.shapes))]
     weights += [replace(weight, shape=len(steps.shapes) + k) for k, weight in enumerate([*known.weights, *of_wires])]
@@ -191,7 +204,7 @@ def with_noise(problem: Problem, noise: dict[str, Noise], outliers: Sequence[Out
     """Return the problem with estimated noise of the waveforms of some quantities, and without some samples.
 
     Relative to standard deviations with the model's floor and the time-step allowance. Shapes of correlated noise get
-    weights, like those of the time steps; open loops then run with `STEPS_WHERE_CORRELATED` times the steps.
+    weights, like those of the time steps; open loops then run with `REFINEMENT` times the steps.
 
     Parameters
     ----------
@@ -209,11 +222,9 @@ def with_noise(problem: Problem, noise: dict[str, Noise], outliers: Sequence[Out
     """
     forward = problem.forward
     measured, shapes, names = _noisy(problem, noise, outliers)
-    settings = problem.settings
-    if shapes and not forward.anatomy.closed_loop:
-        settings = settings.model_copy(update={"steps_per_cycle": STEPS_WHERE_CORRELATED * settings.steps_per_cycle})
-    noisy = make_problem(forward.network, forward.conditions, measured, settings)
-    if settings is problem.settings:
+    finer = _finer(problem) if shapes else None
+    noisy = make_problem(forward.network, forward.conditions, measured, finer or problem.settings)
+    if finer is None:
         noisy.runs = problem.runs
     noisy = with_time_steps(noisy)
     of_steps = noisy.forward.shapes

@@ -2,7 +2,8 @@
 
 A lumen is segmented with an error, and a wall's stiffness is not measured; the aorta's vessels are no exception. Where
 these errors change predictions little, their effect is linear, and its few leading shapes get weights, like those of
-the time steps; where a model oscillates, see `known_errors`.
+the time steps. Where it is not, as that of an aorta's inertance on its resonance, the errors are parameters of the
+model; where the phase of an oscillation is unknown, see `known_errors`.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ ELEMENTS = (
 
 @dataclass(frozen=True, eq=False)
 class VesselErrors:
-    """Errors of the vessels, and their linear effect.
+    """Errors of the vessels, and their effect.
 
     Attributes
     ----------
@@ -33,10 +34,21 @@ class VesselErrors:
         With standard normal sizes.
     changes
         Of the predictions by one standard deviation of each: (errors, N), CGS.
+    curved
+        What of these changes is not linear: (errors, N), CGS.
     """
 
     errors: Sequence[Nuisance]
     changes: np.ndarray
+    curved: np.ndarray
+
+    def divided(self, noise: np.ndarray) -> tuple["VesselErrors", "VesselErrors"]:
+        """Return the errors whose effect is linear within a noise (N,), CGS, and the others."""
+        linear = np.linalg.norm(self.curved / noise, axis=1) <= SHAPED
+        return self._of(np.flatnonzero(linear)), self._of(np.flatnonzero(~linear))
+
+    def _of(self, some: np.ndarray) -> "VesselErrors":
+        return VesselErrors([self.errors[k] for k in some], self.changes[some], self.curved[some])
 
     def shapes(self, noise: np.ndarray) -> tuple[list[Nuisance], np.ndarray, np.ndarray]:
         """Return the shapes of the linear effect, and what they leave.
@@ -83,7 +95,8 @@ def vessel_errors(forward: Forward) -> VesselErrors:
     own = replace(forward, shapes=None).with_nuisances([*forward.nuisances, *errors])
     # First alone: in a closed loop the others start from its state.
     (plain,) = own.predict(np.zeros(len(own.nuisances)))
-    changes = own.predict(np.eye(len(own.nuisances))[len(forward.nuisances) :]) - plain
-    runs = np.isfinite(changes).all(axis=1)
+    each = np.eye(len(own.nuisances))[len(forward.nuisances) :]
+    more, less = (own.predict(sign * each) - plain for sign in (1.0, -1.0))
+    runs = np.isfinite(more + less).all(axis=1)
     found = [error for error, ran in zip(errors, runs, strict=True) if ran]
-    return VesselErrors(found, changes[runs])
+    return VesselErrors(found, (more - less)[runs] / 2.0, (more + less)[runs] / 2.0)

@@ -54,15 +54,12 @@ def _classes(ranked: list[LawFit], named: tuple[str, ...]) -> list[EffectClass]:
         weights[fit.law.effects] += weight
     classes = []
     for k, name in enumerate(named):
-        replaced = {other[k]: w for other, w in weights.items() if _replaces(other, named, k) and other[k] != name}
+        alike = (other for other in weights if len(other) == len(named) and other[k] != name)
+        replaced = {other[k]: weights[other] for other in alike if (*other[:k], name, *other[k + 1 :]) == named}
         rivals = [r for r, w in replaced.items() if ODDS_OF_CLASS * w >= weights[named]]
         members = (name, *sorted(rivals, key=lambda r: -replaced[r]))
         classes.append(EffectClass(members, _probability_of_any(ranked, members)))
     return classes
-
-
-def _replaces(other: tuple[str, ...], named: tuple[str, ...], k: int) -> bool:
-    return len(other) == len(named) and other[:k] == named[:k] and other[k + 1 :] == named[k + 1 :]
 
 
 def choose(ranked: list[LawFit]) -> Choice:

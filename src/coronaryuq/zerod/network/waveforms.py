@@ -10,6 +10,11 @@ DRIVES = {"PRESSURE": "P", "FLOW": "Q"}
 """Name of the waveform in each kind of boundary condition that drives a network."""
 WAVEFORMS = DRIVES | {"CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
 """Name of the waveform in each kind of boundary condition that has one."""
+CONTENT = 40.0
+"""Frequency (Hz) beyond which pressures and flows of the circulation have no content, so that a reading is noise there.
+
+Twenty harmonics of the heart rate describe even the derivative of an arterial pressure (Nichols & O'Rourke, McDonald's
+Blood Flow in Arteries)."""
 
 
 def sampled(network: Network, name: str) -> np.ndarray:
@@ -27,3 +32,28 @@ def resampled(values: np.ndarray, time: np.ndarray | None = None) -> np.ndarray:
         return values
     at = np.linspace(0.0, 1.0, len(values)) if time is None else time
     return np.interp(np.linspace(at[0], at[-1], WAVE_POINTS), at, values)
+
+
+def without_noise(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Remove what a measured beat has beyond `CONTENT`.
+
+    A vessel's compliance turns the slope of a pressure into flow, so a model driven by noise predicts much more of it;
+    an error of a probe that smooths this, as a delay by a part of a time step does, then looks real.
+
+    Parameters
+    ----------
+    time, values
+        Readings (n,), s and any unit; the last is the first of the next beat.
+
+    Returns
+    -------
+    time, values
+        As many even times and readings; those given if they are too far apart to have such content.
+    """
+    even = np.linspace(time[0], time[-1], len(time) - 1, endpoint=False)
+    spectrum = np.fft.rfft(np.interp(even, time, values))
+    within = np.arange(len(spectrum)) <= CONTENT * (time[-1] - time[0])
+    if within.all():
+        return time, values
+    smooth = np.fft.irfft(np.where(within, spectrum, 0.0), len(even))
+    return np.append(even, time[-1]), np.append(smooth, smooth[0])

@@ -9,7 +9,7 @@ from coronaryuq.bench.discrepancy.open_loop_tree import PERIOD, left_coronary
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition
-from coronaryuq.discrepancy.data.drive_noise import CONTENT, without_noise
+from coronaryuq.zerod.network.waveforms import CONTENT, without_noise
 
 
 def beat(time, highest, seed):
