@@ -165,8 +165,8 @@ class Settings(BaseModel):
     sd_condition: float = Field(
         0.1,
         gt=0,
-        description="Prior sd of the log coronary resistance of a condition about the value given in the "
-        "conditions file.",
+        description="Prior sd of the log coronary resistance of a condition, and of other factors by which it scales "
+        "blocks, about the values given in the conditions file.",
     )
     sd_free: float = Field(
         1.0, gt=0, description="Prior sd of the log coronary resistance of a condition that lists it under `free`."

@@ -54,6 +54,21 @@ def with_a_place_for_a_loss():
     return network
 
 
+def test_a_block_that_a_condition_scales_is_scaled_by_a_factor_known_to_ten_percent():
+    """As its coronary resistance is; it had been exact, and an error of it was something else."""
+    network, drug = left_coronary(), Condition("drug", scale={"BC_lad": {"Ra1": 1.3, "Ra2": 1.3}})
+    asked = problem(network, Condition("rest"), drug)
+    (column,) = [k for k, one in enumerate(asked.forward.nuisances) if one.name == "scale of BC_lad under drug"]
+    moved = np.zeros((2, asked.count))
+    moved[1, column] = 1.0
+    (rest, other), (same, changed) = asked.forward.predict(moved)
+    exact = problem(
+        network, Condition("rest"), replace(drug, scale={"BC_lad": dict.fromkeys(("Ra1", "Ra2"), 1.3 * np.exp(0.1))})
+    )
+    assert same == rest and changed != other
+    assert changed == pytest.approx(exact.forward.predict(np.zeros(asked.count))[0, 1], rel=1e-7)
+
+
 def test_a_stenosis_with_one_name_has_one_severity():
     rest = Condition("rest")
     clamped = {"set": {"lad_loss": {"stenosis_coefficient": LOSS}}, "stenosis": {"lad_loss": "mild"}}

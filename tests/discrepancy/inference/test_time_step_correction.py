@@ -10,7 +10,8 @@ from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.decision_rule import RULE
-from coronaryuq.discrepancy.inference.read_problem import read_problem, with_time_steps
+from coronaryuq.discrepancy.inference import read_problem as reading
+from coronaryuq.discrepancy.inference.read_problem import with_time_steps
 from coronaryuq.discrepancy.inference.time_step_error import FINER
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.network.read import read_network
@@ -31,8 +32,11 @@ def folder(tmp_path_factory):
 
 def problem(folder, steps):
     conditions = read_conditions(folder / "conditions.yaml")
-    settings = Settings(steps_per_cycle=steps)
-    return read_problem(read_network(folder / "model.json"), folder / "measurements.csv", conditions, "c", settings)
+    settings, network = Settings(steps_per_cycle=steps), read_network(folder / "model.json")
+    with pytest.MonkeyPatch.context() as patch:
+        # As in a closed loop, which keeps its steps.
+        patch.setattr(reading, "SHORT", 0)
+        return reading.read_problem(network, folder / "measurements.csv", conditions, "c", settings)
 
 
 def with_store(folder):

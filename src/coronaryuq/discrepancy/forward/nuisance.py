@@ -23,7 +23,7 @@ class Nuisance:
     mass: territory whose tissue mass the factor scales instead, as perfusion is flow over mass. shape: row of
     `Forward.shapes` that is added to predictions, times z, instead. noise: whether that row is noise of the
     measurements. elements: what that row stands for in the network, ("BLOCK.parameter", change of its log by z = 1).
-    several: whether data may have several optima in it.
+    several: whether data may have several optima in it, where its effect is not linear.
     """
 
     name: str
@@ -40,9 +40,6 @@ class Nuisance:
     def simulated(self) -> bool:
         """Whether it changes the runs and not only the readings."""
         return self.mass is None and self.shape is None
-
-    def acts_under(self, condition: str) -> bool:
-        return self.conditions is None or condition in self.conditions
 
     def factor(self, z: np.ndarray) -> np.ndarray:
         return np.exp(self.sd * np.asarray(z))
@@ -71,8 +68,8 @@ def nuisances(
 
     Resistance and compliance of all coronary beds together and of each; systemic resistance, systemic compliance and
     left ventricular elastance in closed loops; a factor for every measured condition except the first, as its coronary
-    state is never known exactly; the tissue mass of each territory with measured perfusion; the shape of the beds if a
-    condition lists it as free; and each stenosis that conditions list.
+    state is never known exactly, and for every block that a condition scales; the tissue mass of each territory with
+    measured perfusion; the shape of the beds if a condition lists it as free; and each stenosis that conditions list.
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)
@@ -105,6 +102,9 @@ def nuisances(
         if name != used[0] or wide:
             sd = settings.sd_free if wide else settings.sd_condition
             found.append(Nuisance(f"coronary state of {name}", sd, dilating, (name,)))
+        for block, factors in conditions[name].scale.items():
+            scaled = tuple(f"{block}.{parameter}" for parameter in factors)
+            found.append(Nuisance(f"scale of {block} under {name}", settings.sd_condition, scaled, (name,)))
     found += _stenoses({name: conditions[name] for name in used}, settings.sd_stenosis)
     territories = dict.fromkeys(series.location for series in measured if series.quantity == "perfusion")
     found += [Nuisance(f"mass of {place}", SD_MASS, mass=place) for place in territories]

@@ -335,7 +335,7 @@ class Forward:
         scaled: Scaled = {}
         used: list[np.ndarray] = []
         for column, nuisance in enumerate(self.nuisances):
-            if nuisance.targets and nuisance.acts_under(name):
+            if nuisance.targets and name in (nuisance.conditions or (name,)):
                 for key in nuisance.targets:
                     # CORONARY_VAR_RES has two Ra2 where CORONARY has one.
                     for target in (key,) if key in own else (f"{key}_min", f"{key}_max"):

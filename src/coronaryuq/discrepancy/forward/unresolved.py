@@ -12,8 +12,7 @@ from coronaryuq.zerod.effects.base import Series, Values
 def waveforms(forward: Forward, z: np.ndarray, effects: Hypothesis) -> Waveforms:
     """Return the waveforms, where measured, at z (n, p) of the model with effects on its network."""
     prepared, sizes = forward.simulation.prepared(effects), [effects.physical_sizes(row) for row in z]
-    rows, conditions = [(row, effects) for row in z], list(forward.conditions)
-    run = forward.simulate(prepared, rows, sizes, [[]] * len(z), conditions)
+    run = forward.simulate(prepared, [(row, effects) for row in z], sizes, [[]] * len(z), list(forward.conditions))
     return run_in_lockstep([run], forward.simulation.threads)[0]
 
 

@@ -190,7 +190,7 @@ def with_time_steps(problem: Problem) -> Problem:
     forward, known = problem.forward, known_errors(problem.error_runs(), problem.sd)
     if np.linalg.norm(known.steps.change / problem.sd) > OSCILLATES and (settings := _finer(problem)):
         return with_time_steps(make_problem(forward.network, forward.conditions, forward.measured, settings))
-    steps, errors = known.steps, [replace(error, several=True) for error in known.parameters.errors]
+    steps, errors = known.steps, known.parameters.errors
     forward = forward.with_nuisances([*forward.nuisances, *errors]) if errors else forward
     of_wires, shared = pullback_errors(forward.measured)
     weights = [Nuisance(f"time steps, shape {k + 1}", 1.0, shape=k) for k in range(len(steps.shapes))]

@@ -8,6 +8,7 @@ model; where the phase of an oscillation is unknown, see `known_errors`.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 
@@ -45,10 +46,10 @@ class VesselErrors:
     def divided(self, noise: np.ndarray) -> tuple["VesselErrors", "VesselErrors"]:
         """Return the errors whose effect is linear within a noise (N,), CGS, and the others."""
         linear = np.linalg.norm(self.curved / noise, axis=1) <= SHAPED
-        return self._of(np.flatnonzero(linear)), self._of(np.flatnonzero(~linear))
+        return self._of(linear), self._of(~linear)
 
     def _of(self, some: np.ndarray) -> "VesselErrors":
-        return VesselErrors([self.errors[k] for k in some], self.changes[some], self.curved[some])
+        return VesselErrors(list(compress(self.errors, some)), self.changes[some], self.curved[some])
 
     def shapes(self, noise: np.ndarray) -> tuple[list[Nuisance], np.ndarray, np.ndarray]:
         """Return the shapes of the linear effect, and what they leave.
@@ -87,7 +88,7 @@ class VesselErrors:
 def vessel_errors(forward: Forward) -> VesselErrors:
     """Run the model with each error of its vessels; those with which it does not run are left out."""
     errors = [
-        Nuisance(f"{name} of {vessel}", sd, targets)
+        Nuisance(f"{name} of {vessel}", sd, targets, several=True)
         for vessel in forward.anatomy.vessels
         for name, element, sd in ELEMENTS
         if (targets := present(forward.anatomy, vessel, (element,)))
@@ -97,6 +98,4 @@ def vessel_errors(forward: Forward) -> VesselErrors:
     (plain,) = own.predict(np.zeros(len(own.nuisances)))
     each = np.eye(len(own.nuisances))[len(forward.nuisances) :]
     more, less = (own.predict(sign * each) - plain for sign in (1.0, -1.0))
-    runs = np.isfinite(more + less).all(axis=1)
-    found = [error for error, ran in zip(errors, runs, strict=True) if ran]
-    return VesselErrors(found, (more - less)[runs] / 2.0, (more + less)[runs] / 2.0)
+    return VesselErrors(errors, (more - less) / 2.0, (more + less) / 2.0)._of(np.isfinite(more + less).all(axis=1))
