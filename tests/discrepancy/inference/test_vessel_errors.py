@@ -62,3 +62,12 @@ def test_errors_of_a_vessel_that_resonates_are_parameters_of_the_model():
     shaped = replace(usual.forward, nuisances=[*usual.forward.nuisances, *weights], shapes=shapes)
     linear = replace(usual, forward=shaped)
     assert locate(linear, linear.calibrate(PLAIN)).p < 1e-6
+
+
+def test_vessels_without_values_have_no_errors():
+    """As those of a network whose losses are all focal; the search had stopped there."""
+    network, blank = large_aorta.network(), large_aorta.blank().forward
+    for vessel in network["vessels"]:
+        vessel["zero_d_element_values"] = {"R_poiseuille": 0.0, "L": 0.0, "C": 0.0, "stenosis_coefficient": 0.1}
+    problem = with_time_steps(make_problem(network, blank.conditions, blank.measured, Settings()))
+    assert not vessel_errors(problem.forward).errors

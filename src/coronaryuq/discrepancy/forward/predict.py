@@ -121,7 +121,7 @@ class Forward:
         """
         predictions = np.full((len(rows), self.size), np.nan)
         groups: dict[tuple, tuple[list[PlacedEffect], dict[tuple, list[int]]]] = {}
-        common = [placed for placed in rows[0][1] if all(placed in hypothesis for _, hypothesis in rows)]
+        common = [placed for placed in next((own for _, own in rows), PLAIN) if all(placed in own for _, own in rows)]
         shares = shared_grafts([placed for placed in self.simulation.inserting(grafts) if placed not in common])
         for number, (z, hypothesis) in enumerate(rows):
             all_conditions = any(effect.across_conditions for effect, _ in hypothesis)
