@@ -42,6 +42,13 @@ def read_through(hypothesis, forward, noise):
     ]
 
 
+def of_the_oscillating_loop(hypothesis):
+    """A problem whose data have these effects, the model without its known errors, and the noise of the data."""
+    forward, noise = model(oscillating_loop())
+    made = make_problem(forward.network, forward.conditions, read_through(hypothesis, forward, noise), Settings())
+    return with_time_steps(made), forward, noise
+
+
 def added(known, noise, missing):
     """What an error (N,) that is taken to be as known adds to the chi-square of the noise."""
     sd = np.hypot(noise, known.sd)
@@ -77,10 +84,8 @@ def test_shapes_hold_a_fresh_draw_of_an_oscillation_that_the_steps_do_not_resolv
 @pytest.mark.slow
 def test_the_phase_of_an_oscillation_is_not_corrected_at_a_fit_but_read_by_instruments():
     """It is unknown. A wrong one would be taken away by whatever damps it, such as a viscoelastic wall."""
-    forward, noise = model(oscillating_loop())
     low_pass = assume(("flow_low_pass", "J0:lca1"))
-    measured = read_through(low_pass, forward, noise)
-    problem = with_time_steps(make_problem(forward.network, forward.conditions, measured, Settings()))
+    problem, _, _ = of_the_oscillating_loop(low_pass)
     plain, fit = problem.corrected(PLAIN, problem.calibrate(PLAIN))
     assert plain is problem and np.any(problem.change != 0.0)
     read, fit = problem.corrected(low_pass, problem.calibrate(low_pass, np.append(fit.z, 1.0)))
@@ -94,10 +99,8 @@ def test_the_phase_of_an_oscillation_is_not_corrected_at_a_fit_but_read_by_instr
 @pytest.mark.long
 def test_an_effect_that_changes_the_oscillation_changes_what_steps_and_vessels_do():
     """With the errors of the model without it, a second effect had been named that removed what they left."""
-    forward, noise = model(oscillating_loop())
     lossy = assume(("quadratic_stenosis", "lca1"))
-    measured = read_through(lossy, forward, noise)
-    problem = with_time_steps(make_problem(forward.network, forward.conditions, measured, Settings()))
+    problem, forward, noise = of_the_oscillating_loop(lossy)
     about, _ = problem.corrected(lossy, problem.calibrate(lossy, np.append(np.zeros(problem.count), 1.0)))
     assert about.time_steps.about[0] == lossy and problem.time_steps.about[0] == PLAIN
     again, _ = about.corrected(PLAIN, about.calibrate(PLAIN))

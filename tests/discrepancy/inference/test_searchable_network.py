@@ -8,8 +8,9 @@ from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MBF_PER_MIN_PER_G
 from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.forward.nuisance import tissue_mass
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
-from coronaryuq.discrepancy.inference.read_problem import check_searchable, locations, make_problem, tissue_mass
+from coronaryuq.discrepancy.inference.read_problem import check_searchable, locations, make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.network.read import read_network

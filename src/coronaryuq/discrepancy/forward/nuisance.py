@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.settings import Settings
@@ -14,6 +15,8 @@ from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.network.differences import LOSS
 
 SD_MASS = 1.0
+KNOWN = 1.0
+"""Ratio of a perfusion to its standard deviation above which it may determine a tissue mass."""
 
 
 @dataclass(frozen=True)
@@ -139,3 +142,17 @@ def _stenoses(conditions: dict[str, Condition], sd: float) -> list[Nuisance]:
         Nuisance(f"stenosis {name} of {vessel}", sd, (f"{vessel}.{LOSS}",), tuple(under))
         for (vessel, name), under in named.items()
     ]
+
+
+def tissue_mass(territory: str, conditions: dict[str, Condition], measured: list[Measured], anatomy: Anatomy) -> float:
+    """Return the tissue mass (g) with which the plain model reproduces the first measured perfusion.
+
+    A fitted condition is used if there is one, because the prior mean must not depend on held-out data. Readings below
+    their own noise are skipped, unless all are below.
+    """
+    own = [s for s in measured if s.quantity == "perfusion" and s.location == territory]
+    own = [s for s in own if not conditions[s.condition].held_out] or own
+    clear = {s.condition: float(s.value[0] / s.sd[0]) for s in own}
+    first = next((s for s in own if clear[s.condition] > KNOWN), max(own, key=lambda s: clear[s.condition]))
+    flow = anatomy.flow_scale(anatomy.beds[territory]) / conditions[first.condition].coronary_resistance_scale
+    return flow / max(float(first.value[0]), float(first.sd[0]), 1e-3 * units.MBF_PER_MIN_PER_G)

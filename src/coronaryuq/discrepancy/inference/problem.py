@@ -27,7 +27,7 @@ OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 RESTARTS = (0.0, 2.0, -1.0)
 """Sizes of all effects, in prior standard deviations, from which `multistart_each` starts."""
 DRAWN_STARTS = 7
-"""With half of them in the basin of the best optimum, as in what we have seen, one fit in 128 misses it."""
+"""If half of the draws lead to the best optimum, as in the cases seen, one fit in 128 misses it."""
 SMALLER = -2.0
 """Starting point if the model does not run at a candidate's own, in prior standard deviations."""
 CORRECTIONS = 6
@@ -155,8 +155,7 @@ class Problem:
     def _starts(self, size: int) -> list[np.ndarray]:
         several = [column for column, nuisance in enumerate(self.forward.nuisances) if nuisance.several]
         starts = np.zeros((1 + DRAWN_STARTS * bool(several), size))
-        random = generator(0, "discrepancy", "starts")
-        starts[1:, several] = random.standard_normal((len(starts) - 1, len(several)))
+        starts[1:, several] = generator(0, "discrepancy", "starts").standard_normal((len(starts) - 1, len(several)))
         return list(starts)
 
     def calibrate_each(self, wanted: list[tuple[Hypothesis, np.ndarray | None]]) -> list[Fit | None]:
@@ -217,11 +216,11 @@ class Problem:
             (change,) = self.time_step_change([(z, hypothesis)])
             small = not np.isfinite(change).all() or self.missed(change) < RULE.time_step_error
             return None if small else replace(self, time_steps=replace(steps, change=change))
-        drawn, count = self._unresolved_at(steps, steps.about, z, hypothesis), len(steps.shapes)
+        drawn = self._unresolved_at(steps, steps.about, z, hypothesis)
         moved = np.vstack([drawn.change - steps.change, drawn.shapes - steps.shapes])
         if np.linalg.norm(moved / self.sd) < RULE.time_step_error:
             return None
-        shapes = np.vstack([drawn.shapes, shapes[count:]])
+        shapes = np.vstack([drawn.shapes, shapes[len(steps.shapes) :]])
         return replace(self, forward=replace(self.forward, shapes=shapes), time_steps=drawn)
 
     def _unresolved_at(self, steps: TimeSteps, about: Sized, z: np.ndarray, hypothesis: Hypothesis) -> TimeSteps:

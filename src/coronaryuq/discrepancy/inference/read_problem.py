@@ -13,7 +13,7 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, held_out_names
 from coronaryuq.discrepancy.data.measurements import AORTIC, Measured, measured_conditions, read_measurements
-from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances
+from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances, tissue_mass
 from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
@@ -38,8 +38,6 @@ UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
 
 MARKS = (":", "~", "<", ">")
 """Separators of the blocks of a place."""
-KNOWN = 1.0
-"""Ratio of a perfusion to its standard deviation above which it may determine a tissue mass."""
 LEAST_WHITE = 0.1
 """Smallest fraction of a standard deviation that remains white noise, whatever floor and time-step allowance add."""
 OUT_OF_USE = 1e3
@@ -390,17 +388,3 @@ def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> di
         if run.ok[0]:
             return {name: float(values[0]) for name, values in run.values.items()}
     raise InputError("model", None, None, f"the unmodified model does not run: {run.status[0]}")
-
-
-def tissue_mass(territory: str, conditions: dict[str, Condition], measured: list[Measured], anatomy: Anatomy) -> float:
-    """Return the tissue mass (g) with which the plain model reproduces the first measured perfusion.
-
-    A fitted condition is used if there is one, because the prior mean must not depend on held-out data. Readings below
-    their own noise are skipped, unless all are below.
-    """
-    own = [s for s in measured if s.quantity == "perfusion" and s.location == territory]
-    own = [s for s in own if not conditions[s.condition].held_out] or own
-    clear = {s.condition: float(s.value[0] / s.sd[0]) for s in own}
-    first = next((s for s in own if clear[s.condition] > KNOWN), max(own, key=lambda s: clear[s.condition]))
-    flow = anatomy.flow_scale(anatomy.beds[territory]) / conditions[first.condition].coronary_resistance_scale
-    return flow / max(float(first.value[0]), float(first.sd[0]), 1e-3 * units.MBF_PER_MIN_PER_G)
