@@ -58,6 +58,34 @@ def bifurcation(steps: int = 100) -> dict:
     )
 
 
+def grafted(stenosis: float) -> dict:
+    """A stenosed artery, driven by a pressure, with a graft from the aorta beyond its side branch: a loop."""
+    time = np.linspace(0.0, 0.8, 101)
+    pressure = MMHG * (93.0 + 25.0 * np.sin(2.0 * np.pi * time / 0.8) + 8.0 * np.sin(4.0 * np.pi * time / 0.8))
+    joints = {"J0": ([0], [1, 2]), "J1": ([1], [4, 3]), "J2": ([3, 2], [5])}
+    return network(
+        [
+            vessel(0, "aorta", inlet="AOP", R_poiseuille=0.07, L=0.4),
+            vessel(1, "proximal", R_poiseuille=240.0, L=23.0, stenosis_coefficient=stenosis),
+            vessel(2, "graft", R_poiseuille=890.0, L=118.0, C=4.4e-7),
+            vessel(3, "middle", R_poiseuille=800.0, L=52.0, C=6.5e-8),
+            vessel(4, "side", outlet="BC_side", R_poiseuille=4000.0, L=135.0, C=3e-8),
+            vessel(5, "distal", outlet="BC_distal", R_poiseuille=1430.0, L=80.0, C=7e-8),
+        ],
+        [
+            boundary("AOP", "PRESSURE", t=time.tolist(), P=[*pressure[:-1].tolist(), float(pressure[0])]),
+            boundary("BC_side", "RCR", Rp=3e4, Rd=7e4, C=2e-6, Pd=5e3),
+            boundary("BC_distal", "RCR", Rp=1.5e4, Rd=3.5e4, C=2e-6, Pd=5e3),
+        ],
+        [
+            {"junction_name": name, "junction_type": "NORMAL_JUNCTION", "inlet_vessels": first, "outlet_vessels": then}
+            for name, (first, then) in joints.items()
+        ],
+        steps=300,
+        cycles=4,
+    )
+
+
 _HEART = {
     **{"Tsa": 0.40742, "tpwave": 8.976868, "iml": 0.509365, "imr": 0.806369, "Vrv_u": 9.424629, "Vlv_u": 5.606007},
     **{"Kxv_ra": 0.004837, "Kxv_la": 0.008067, "Vaso_ra": 4.848742, "Vaso_la": 9.355754},

@@ -11,7 +11,17 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.periodic import Periodicity
-from support.zerod_networks import LOOP_PARAMETERS, bifurcation, boundary, closed_loop, network, pulse, varied, vessel
+from support.zerod_networks import (
+    LOOP_PARAMETERS,
+    bifurcation,
+    boundary,
+    closed_loop,
+    grafted,
+    network,
+    pulse,
+    varied,
+    vessel,
+)
 
 
 def _same_bits(left, right) -> bool:
@@ -295,3 +305,12 @@ def test_a_strong_quadratic_loss_converges():
     result = engine.run_cycles({"right.stenosis_coefficient": losses}, ["mean_flow:right:BC_right"], cycles=3)
     assert result.ok.all(), result.status
     assert (np.diff(result.values["mean_flow:right:BC_right"]) < 0).all()
+
+
+def test_a_strong_quadratic_loss_beside_a_graft_converges():
+    """The flow changes its direction, and iterations with the factors of an earlier one would diverge."""
+    losses = 10.0 ** np.arange(3.0, 7.25, 0.25)
+    engine = Engine(grafted(0.0))
+    result = engine.run_cycles({"proximal.stenosis_coefficient": losses}, ["mean_flow:proximal:J1"])
+    assert result.ok.all(), result.status
+    assert (np.diff(result.values["mean_flow:proximal:J1"]) < 0.0).all()

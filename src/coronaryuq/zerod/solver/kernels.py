@@ -14,7 +14,8 @@ from coronaryuq.zerod.solver.lanes import load, splat
 
 STRIDE = 8
 _FRESH = 2
-"""First Newton solves of a step, which factorise the border anew; later ones do so only where a valve has moved."""
+"""First Newton solves of a step, which factorise the border anew; later ones do so only where a valve has moved or the
+residual has grown: a vessel with a strong quadratic loss may start far from its solution."""
 _PATIENCE = 10
 """Solves of a step after which every further one factorises anew: with a strong quadratic loss, slopes change too much
 for the first iterations' factors."""
@@ -300,7 +301,7 @@ def _step(s, v, w, state, scheme, time, times, sound):
         store(w.residual, p, reduced + (value - without))
     settled = choose(less(largest + poison, splat(scheme.tolerance)), splat(0.0), splat(1.0))
     going = less(splat(0.5), choose(sound, settled, splat(0.0)))
-    moving = going
+    moving, grown = going, splat(0.0)
     solves = 0
     while solves < scheme.iterations - 1 and any_lane(going):
         if solves < _FRESH:
@@ -311,7 +312,7 @@ def _step(s, v, w, state, scheme, time, times, sound):
             moved = splat(0.0)
             for k in range(s.valve.shape[0]):
                 moved = moved + absolute(load(w.open, k) - load(w.factored, k))
-            late = splat(1.0) if solves >= _PATIENCE or s.gate.shape[0] > 0 else moved
+            late = splat(1.0) if solves >= _PATIENCE or s.gate.shape[0] > 0 else moved + grown
             which = both(less(splat(0.5), late), going)
             if any_lane(which):
                 _factorise(s, w, which, False)
@@ -330,7 +331,7 @@ def _step(s, v, w, state, scheme, time, times, sound):
             store(w.linear, p, sum_)
             store(w.residual, p, sum_)
         _subtract_solution_dependent(s, v, w, state, scheme, time, times)
-        largest, poison = splat(0.0), splat(0.0)
+        before, largest, poison = largest, splat(0.0), splat(0.0)
         for p in range(size):
             value = load(w.residual, p)
             poison = poison + value * 0.0
@@ -342,6 +343,7 @@ def _step(s, v, w, state, scheme, time, times, sound):
             largest = choose(less(largest, value), value, largest)
             seen = load(w.total, s.lagged[k]) - increment
             store(w.total, n + k, choose(going, seen, load(w.total, n + k)))
+        grown = choose(less(before, largest), splat(1.0), splat(0.0))
         settled = choose(less(largest + poison, splat(scheme.tolerance)), splat(0.0), splat(1.0))
         going = less(splat(0.5), choose(going, settled, splat(0.0)))
         for k in range(s.lagged_border.shape[0]):
