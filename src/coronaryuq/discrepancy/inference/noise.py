@@ -79,6 +79,11 @@ class Estimate:
         """Of the most probable noise."""
         return 1.0 if self.noise is None else self.noise.scale
 
+    @property
+    def correlated(self) -> bool:
+        """Whether the most probable noise is."""
+        return self.noise is not None and self.noise.correlation_time > 0.0
+
 
 def most_probable(estimates: dict[str, Estimate]) -> dict[str, Noise]:
     """Return the most probable noise of quantities whose waveforms show another than the stated, white one."""
@@ -86,12 +91,16 @@ def most_probable(estimates: dict[str, Estimate]) -> dict[str, Noise]:
 
 
 def differing(estimates: dict[str, Estimate], known: dict[str, Estimate], right: bool) -> dict[str, Estimate]:
-    """Return those of quantities whose scale differs from the known one by more than `SAME_SCALE`.
+    """Return those of quantities whose scale differs from the known one by more than `SAME_SCALE`, or whose kind does.
 
     right: whether they are those about a right model; if something is missing from it, only a smaller scale counts.
     """
-    larger = {quantity: estimate.scale / known[quantity].scale for quantity, estimate in estimates.items()}
-    return {name: estimates[name] for name, by in larger.items() if by * SAME_SCALE < 1.0 or right and by > SAME_SCALE}
+
+    def other(now: Estimate, before: Estimate) -> bool:
+        larger, kind = now.scale > before.scale * SAME_SCALE, now.correlated != before.correlated
+        return now.scale * SAME_SCALE < before.scale or (right and (larger or kind))
+
+    return {quantity: now for quantity, now in estimates.items() if other(now, known[quantity])}
 
 
 def noise_estimates(problem: Problem, residual: np.ndarray) -> dict[str, Estimate]:
@@ -206,10 +215,13 @@ def _correlation(series: Measured, correlation_time: float) -> np.ndarray:
 
 
 def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:
-    """Decompose noise in one waveform, in units of the stated standard deviation (k samples).
+    """Decompose noise in one series, in units of the stated standard deviation (k samples).
 
-    Returns the standard deviation of its white part, and shapes (n, k) with standard normal weights.
+    Returns the standard deviation of its white part, and shapes (n, k) with standard normal weights. Single values are
+    as uncertain as the waveforms of their quantity, but no less than stated.
     """
+    if series.statistic != "waveform":
+        return max(noise.scale, 1.0), np.zeros((0, series.value.size))
     if noise.correlation_time == 0.0:
         return noise.scale, np.zeros((0, series.value.size))
     white, shapes = white_and_shapes(_correlation(series, noise.correlation_time))

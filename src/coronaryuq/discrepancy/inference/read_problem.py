@@ -259,17 +259,14 @@ def _noisy(
 
 
 def _quantities(measured: Sequence[Measured]) -> list[str]:
-    """Return the quantity of each series; empty for single values beside waveforms, and for readings of a pullback."""
-    waveforms = {series.quantity for series in measured if series.statistic == "waveform"}
-    others = [bool(series.pullback) or series.quantity in waveforms for series in measured]
-    alike = [series.statistic == "waveform" or not other for series, other in zip(measured, others, strict=True)]
-    return [series.quantity if one else "" for series, one in zip(measured, alike, strict=True)]
+    """Return the quantity of each series; empty for readings of a pullback, which have errors of their own."""
+    return ["" if series.pullback else series.quantity for series in measured]
 
 
 def possible_noises(
     problem: Problem, estimates: dict[str, Estimate], outliers: Sequence[Outlier]
 ) -> dict[str, tuple[PossibleNoise, ...]]:
-    """Return the noises that the waveforms of each quantity may have.
+    """Return the noises that the measurements of each quantity may have.
 
     Parameters
     ----------

@@ -145,7 +145,8 @@ def answer(
         found = problem.all_data.evidence(model.at_zero, model.jacobian, lacking)
         right = prior + found.right
         other[REMAINDER] = prior + OUTSIDE + found.unknown
-        seen = found if other[REMAINDER] > alone else plain
+        # An implausible effect may ruin a condition in which nothing else is wrong.
+        seen = found if other[REMAINDER] > alone and not implausible else plain
         other[VARYING] = right + OUTSIDE + VARIES + float(logsumexp([entry.log_odds for entry in constancies]))
         other[MISWIRED] = right + float(logsumexp([0.0 if wiring else -np.inf, *rivals.values()]))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)

@@ -117,8 +117,8 @@ def watch(problem: Problem, known: Observed, found: Problem, hypothesis: Hypothe
     Raises
     ------
     OtherNoise
-        If the noise is smaller, or larger although the model is right with these effects. About a wrong effect, it may
-        look larger.
+        If the noise is smaller, or the model is right with these effects and the noise is larger or of another kind.
+        About a wrong effect, it may look larger, or correlated.
     """
     # The weights of shapes, which differ between the problems, start at zero.
     physical = {n.name: z for n, z in zip(found.forward.nuisances, fit.z, strict=False) if n.shape is None}
