@@ -61,7 +61,7 @@ def test_no_hidden_effect_leaves_nothing_to_explain(tmp_path, capsys):
     seen = detectable[detectable.signal >= answer["detectable"]["signal"]].reset_index().effect
     shown = answer["detectable"]["effects"]
     assert set(shown) <= set(seen) and "quadratic_stenosis" in shown
-    assert f"these data would show {len(shown)} of the {answer['detectable']['of']} effects" in answer["paragraph"]
+    assert f"these data would show {len(shown)} of the {answer['detectable']['of']} kinds" in answer["paragraph"]
 
 
 @pytest.mark.slow
@@ -142,6 +142,16 @@ def test_a_model_that_does_not_run_is_rejected(stenosis_case, tmp_path, monkeypa
     ):
         search_case.search_case(*paths, tmp_path / "out", Settings(), 1)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_condition_without_measurements_is_told(stenosis_case, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(search_case, "discover", lambda problem, seed, report: problem)
+    conditions = tmp_path / "conditions.yaml"
+    conditions.write_text((stenosis_case[0] / "conditions.yaml").read_text() + "\nexercise: {period_scale: 0.6}\n")
+    paths = [stenosis_case[0] / name for name in ("model.json", "measurements.csv")]
+    search_case.searched(*paths, conditions, Settings(), 1)
+    said = capsys.readouterr().err
+    assert f"note: {conditions}: exercise: no measurements of this condition; it is not used" in said
 
 
 def test_a_network_without_vessels_is_rejected(stenosis_case, tmp_path):

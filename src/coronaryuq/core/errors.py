@@ -70,6 +70,13 @@ def meant(written: Any, known: Iterable[Word], others: Mapping[str, Word] | None
     return next((word for word in known if word.lower() == plain), (others or {}).get(plain))
 
 
+def similar(name: Any, known: Iterable[str]) -> str:
+    """Return "similar: X, Y" for up to three words that resemble a name, whatever their capitals, else nothing."""
+    by_lower = {word.lower(): word for word in known}
+    found = difflib.get_close_matches(str(name).lower(), by_lower, n=3, cutoff=0.3)
+    return f"similar: {', '.join(by_lower[word] for word in found)}" if found else ""
+
+
 def nearest(name: Any, known: Iterable[str]) -> str:
     """Return "did you mean X? " for a word that resembles a known one, else an empty string."""
     by_lower = {word.lower(): word for word in known}

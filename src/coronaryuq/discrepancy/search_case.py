@@ -61,15 +61,17 @@ def searched(
     model: str | Path, measurements: str | Path, conditions: str | Path, settings: Settings, seed: int
 ) -> Discovery:
     """Search one case as `search_case`, and write nothing."""
-    network = read_network(model)
+    network, known = read_network(model), read_conditions(conditions)
     print_notes(network, model)
     check_searchable(network, model)
     try:
-        problem = read_problem(network, measurements, read_conditions(conditions), conditions, settings)
+        problem = read_problem(network, measurements, known, conditions, settings)
     except InputError as error:
         if error.file in UNNAMED:
             raise InputError(model, error.field, error.value, error.remedy) from None
         raise
+    for name in known.keys() - problem.forward.conditions.keys():
+        _report(f"note: {conditions}: {name}: no measurements of this condition; it is not used")
     root_pressure = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
     _report(f"root pressure of the unmodified model: {root_pressure:.3g} mmHg")
     try:

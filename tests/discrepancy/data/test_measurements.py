@@ -65,6 +65,21 @@ def test_a_duplicate_time_is_rejected(error_of):
     assert ": time = " in message and "duplicate time; keep one row" in message
 
 
+def test_a_beat_may_end_with_its_first_sample_again(stenosis_case, tmp_path):
+    """Two samples of one phase have the same noise; their correlations had no inverse."""
+    plain = read_changed(stenosis_case[0], tmp_path, lambda table: table).forward.measured
+    periods = {series.condition: series.period for series in plain}
+
+    def closed(table):
+        waveforms = table[table.statistic == "waveform"]
+        first = waveforms.loc[waveforms.groupby(["condition", "quantity", "location"]).time.idxmin()]
+        return pd.concat([table, first.assign(time=first.time + first.condition.map(periods))])
+
+    again = read_changed(stenosis_case[0], tmp_path, closed).forward.measured
+    for one, other in zip(plain, again, strict=True):
+        np.testing.assert_array_equal(one.value, other.value)
+
+
 def test_a_ratio_must_be_a_mean(error_of):
     message = error_of(lambda t: t.assign(**{"quantity": "ratio", "statistic": "min", "unit": "1"}))
     assert "line 2: statistic = 'min'" in message and "use mean" in message

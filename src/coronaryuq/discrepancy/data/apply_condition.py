@@ -1,12 +1,11 @@
 """The network under a condition: changed values, drives and period."""
 
-import difflib
 from pathlib import Path
 
 import numpy as np
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, similar
 from coronaryuq.discrepancy.data.conditions import COVARIATES, Condition
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
@@ -56,8 +55,8 @@ def _change_values(network: Network, anatomy: Anatomy, condition: Condition, fil
         for block, entry in table.items():
             values = _values(network, block)
             if values is None:
-                near = difflib.get_close_matches(block, [*anatomy.vessels, *anatomy.blocks], n=3, cutoff=0.3)
-                remedy = "no such block in the network" + (f"; similar: {', '.join(near)}" if near else "")
+                near = similar(block, [*anatomy.vessels, *anatomy.blocks])
+                remedy = f"no such block in the network{near and f'; {near}'}"
                 raise InputError(file, f"{condition.name}.{key}.{block}", None, remedy)
             for parameter, value in entry.items():
                 # If an effect has replaced CORONARY by CORONARY_VAR_RES, one Ra2 has become two.

@@ -1,6 +1,5 @@
 """The measurement table: read, checked against the model and converted to series in CGS units."""
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ import pandas as pd
 
 from coronaryuq.case.network.topology import Topology
 from coronaryuq.core import units
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, similar
 from coronaryuq.core.io.tables import line_number, read_csv
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.pullbacks import (
@@ -125,6 +124,8 @@ def read_measurements(
             order = np.argsort(rows["time"].to_numpy(float), kind="stable")
             time, value, sd = rows["time"].to_numpy(float)[order], value[order], sd[order]
             _check_waveform(path, key, time, period)
+            once = _once(time, period)
+            time, value, sd = time[once], value[once], sd[once]
         elif len(rows) > 1:
             raise InputError(path, "/".join(key), len(rows), "duplicate measurement; keep one row")
         measured.append(Measured(condition, quantity, location, statistic, time, period, value, sd, pullback=pullback))
@@ -202,9 +203,8 @@ def _check_row(
         fail("distance", row.distance, "only the pressure or ratio of a pullback has a distance; remove it")
     elif str(row.location) not in locations[row.quantity]:
         known = locations[row.quantity]
-        near = difflib.get_close_matches(str(row.location), known, n=3, cutoff=0.3)
         example = f"for example {', '.join(known[:3])}" if known else "it has none"
-        hint = f"similar: {', '.join(near)}" if near else example
+        hint = similar(row.location, known) or example
         fail("location", row.location, f"the model has no such {row.quantity} location; {hint}")
     if str(row.unit) not in UNITS[row.quantity]:
         fail("unit", row.unit, f"not a unit of {row.quantity}; known: {', '.join(UNITS[row.quantity])}")
@@ -255,6 +255,12 @@ def _check_waveform(path: str | Path, key: Iterable, time: np.ndarray, period: f
         remedy = f"the waveform does not cover the cycle of {period:.4g} s; give the whole cycle, or set the "
         remedy += "condition's period_scale"
         raise InputError(path, f"{where}: largest gap over period", round(gap, 3), remedy)
+
+
+def _once(time: np.ndarray, period: float) -> np.ndarray:
+    """Return which samples (k,) are the first of their phase: the end of a beat is often repeated as its start is."""
+    phase = np.round(time / period % 1.0, 6) % 1.0
+    return np.sort(np.unique(phase, return_index=True)[1])
 
 
 def measured_conditions(measured: list[Measured]) -> list[str]:
