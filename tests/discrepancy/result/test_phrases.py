@@ -41,19 +41,6 @@ def test_a_flexible_discrepancy_is_mentioned_only_if_it_predicts_better(after, f
     assert bool(sentence) == bool(text)
 
 
-@pytest.mark.parametrize(
-    ("value", "low", "high", "text"),
-    [
-        (0.204, 0.191, 0.222, "0.2 (0.19 to 0.22)"),
-        (11.04, 10.9, 11.2, "11 (10.9 to 11.2)"),
-        (1.0, 1.0, 1.0, "1 (1 to 1)"),
-    ],
-)
-def test_an_interval_is_never_rounded_to_its_value(value, low, high, text):
-    assert phrases.interval_text(value, low, high).startswith(text.split()[0][:2])
-    assert phrases.interval_text(value, low, high) == text
-
-
 def test_a_model_that_fits_but_does_not_predict_gets_a_warning():
     assert phrases.prediction_warning(0.5, ["pacing"]) == ""
     warning = phrases.prediction_warning(1e-9, ["pacing"])
@@ -81,6 +68,19 @@ def test_the_probability_of_a_class_is_separate_from_that_of_its_first_member():
     text = phrases.class_probability_text([first, other])
     assert text.startswith("probability 0.99 for its class, 0.40 for this member; ")
     assert text.endswith("indistinguishable from it with these data: ostial loss at lm 0.59")
+    unlikely = other | {"probability": 0.004}
+    assert phrases.class_probability_text([first, other, unlikely]) == text
+    assert phrases.class_probability_text([first, unlikely]).endswith("with these data: others, below 0.01 each")
+
+
+def test_noise_is_told_by_its_size_and_by_how_long_it_lasts():
+    noise = {"pressure": {"scale": 1.24, "correlation_time": 0.0}, "flow": {"scale": 1.03, "correlation_time": 0.036}}
+    said = "1.24 times the stated size for pressure and 1.03 times the stated size, correlated over 0.036 s, for flow"
+    told = phrases.noise_notes(noise)
+    assert told == f"By the scatter of the waveforms, their noise is {said}; the search takes it so. "
+    assert phrases.noise_notes({}) == ""
+    quiet = phrases.noise_notes({"flow": {"scale": 0.03, "correlation_time": 0.1}})
+    assert quiet.endswith(" Check that standard deviations of flow are in the unit of the values. ")
 
 
 @pytest.mark.parametrize(
@@ -147,8 +147,8 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
     ("name", "z", "text"),
     [
         ("flow_delay", -1.0, "read early by 0.03 (0.025 to 0.035) s"),
-        ("flow_delay", 1.0, "delay in seconds 0.03 (0.025 to 0.035)"),
-        ("flow_gain", -1.0, "gain minus 1 -0.15 (-0.17 to -0.13)"),
+        ("flow_delay", 1.0, "delay in seconds: 0.03 (0.025 to 0.035)"),
+        ("flow_gain", -1.0, "gain minus 1: -0.15 (-0.17 to -0.13)"),
     ],
 )
 def test_a_negative_delay_is_described_as_read_early(name, z, text):

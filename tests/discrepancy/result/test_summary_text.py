@@ -59,9 +59,10 @@ SOURCE = {"vessel": "lad", "nodes": [{"vessel": "lad", "nats": 12.0}], "laws": {
 SOURCE |= {"says": "constant"}
 
 
-def shown_in(*where, probability=0.97, form=ALONE, source=SOURCE, driven=True):
+def shown_in(quantity, place, condition, probability=0.97, form=ALONE, source=SOURCE, driven=True):
     keys = ("quantity", "location", "condition", "probability")
-    places = [dict(zip(keys, own, strict=True)) for own in (("", "", "", 0.02), (*where, probability))]
+    both = ("", "", "", 0.02), (quantity, place, condition, probability)
+    places = [dict(zip(keys, own, strict=True)) for own in both]
     return summary_text._shown({"answer": {"leading_form": form, "shows_in": places}, "driven": driven}, source)
 
 
@@ -71,6 +72,7 @@ def test_one_place_where_something_else_shows_is_told_and_no_flow_offered_for_an
     said = shown_in("flow", "a:b", "")
     assert "the flow at a:b alone (probability 0.97): an error of that measurement, or a flow or bed" in said
     assert "one at the end of lad explains most (12 nats)" in said
+    assert " It probably shows in the pressure at a:b alone (probability 0.51)" in shown_in("pressure", "a:b", "", 0.51)
     assert shown_in("flow", "a:b", "", probability=0.4) == summary_text._source(SOURCE) != ""
     assert shown_in("flow", "a:b", "", form=UNLISTED, source=None) == ""
     assert shown_in("volume", "heart", "").endswith(": an error of that measurement.")
@@ -95,9 +97,9 @@ def test_one_quantity_or_condition_in_which_something_else_shows_is_told():
 MOVED = {"name": "coronary resistance", "moved": -3.2, "factor": 0.45, "p": 0.002}
 
 
-def agreeing(alarm, conflicts=()):
+def agreeing(alarm, conflicts=(), nothing=0.97):
     """What the paragraph says of a model that nothing is missing from, with an alarm of the global test or without."""
-    facts = {"measurements": 606, "objective": 600.0, "answer": {"probabilities": {NOTHING: 0.97}}}
+    facts = {"measurements": 606, "objective": 600.0, "answer": {"probabilities": {NOTHING: nothing}}}
     gaps = {"before": {"misfit": 1.0}, "scheme": "held out", "conditions": ["pacing"], "p_held_out": 0.4}
     answer = {"facts": facts, "held_out": gaps, "global_test": {"p": 1e-9 if alarm else 0.3}, "consistent": True}
     answer["detectable"] = {"signal": 6.0, "effects": ["inertance", "flow_gain"], "of": 29}
@@ -126,9 +128,13 @@ def test_what_only_held_out_conditions_show_is_not_said_to_be_outside_the_librar
 def test_a_model_whose_misfit_is_within_its_own_error_is_not_said_to_agree():
     assert "agrees with the 606 fitted measurements (global test p = 0.3): there is nothing" in agreeing(False)
     said = agreeing(True)
-    assert "leaves a misfit to the 606 fitted measurements (global test p = 1e-09), but one within" in said
+    assert (
+        "leaves a misfit to the 606 fitted measurements (global test p = 1e-09), but one that errors of the model"
+        in said
+    )
     assert "nothing is missing (probability 0.97)" in said and "agrees" not in said
-    assert "these data would show 2 of the 29 effects" in said
+    assert "nothing to explain (probability 0.72; that something is missing, 0.28)" in agreeing(False, nothing=0.72)
+    assert "these data would show 2 of the 29 kinds of effect" in said
 
 
 def test_what_recalibration_moved_far_is_told_where_nothing_is_missing():

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import stats
 
+from coronaryuq.core.wording import interval_text, listed, p_text
 from coronaryuq.discrepancy.decision_rule import RULE
 
 LEAST_INFORMATION = 0.1
@@ -12,6 +13,8 @@ LEAST_INFORMATION = 0.1
 EXPECTED_MISFIT = "1 is expected from noise and fit uncertainty"
 QUIET, UNLIKELY = 0.5, 1e-4
 """Scatter over the stated standard deviation, and its probability, below which the latter is reported as too large."""
+WRONG_UNIT = 0.1
+"""Size of the noise over the stated one below which the latter may be in another unit than the values."""
 UNPREDICTED = 0.001
 """p-value of the held-out data below which the text says that they are not predicted."""
 MOST_LISTED = 4
@@ -19,24 +22,16 @@ MOST_LISTED = 4
 
 
 def noise_notes(noise: Mapping[str, Mapping]) -> str:
-    """Report waveform noise that is larger than stated, or correlated in time."""
-    larger = [f"{name} by a factor of {one['scale']:.2f}" for name, one in noise.items() if not one["correlation_time"]]
-    correlated = [
-        f"{one['correlation_time']:.2g} s for {name}, {one['scale']:.2f} times the stated size"
+    """Report waveform noise of another size than stated, or correlated in time."""
+    each = [
+        f"{one['scale']:.2f} times the stated size{f', correlated over {time:.2g} s,' if time else ''} for {name}"
         for name, one in noise.items()
-        if one["correlation_time"]
+        for time in [one["correlation_time"]]
     ]
-    text = ""
-    if larger:
-        text += (
-            "Waveforms, or the drives of the model, scatter more from sample to sample than their standard deviations "
-            f"imply ({listed(larger)}); the standard deviations are scaled accordingly. "
-        )
-    if correlated:
-        text += (
-            f"The noise of waveforms is correlated in time (correlation time {listed(correlated)}), and is taken so. "
-        )
-    return text
+    quiet = [name for name, one in noise.items() if one["scale"] < WRONG_UNIT]
+    check = f"Check that standard deviations of {listed(quiet)} are in the unit of the values. " if quiet else ""
+    text = f"By the scatter of the waveforms, their noise is {listed(each)}; the search takes it so. " if each else ""
+    return text + check
 
 
 def outlier_notes(outliers: Sequence[Mapping]) -> str:
@@ -71,8 +66,8 @@ def detectable_text(detectable: Mapping) -> str:
     """State how many effects the data would show, with a typical size and at the place where they show most."""
     count, of, signal = len(detectable["effects"]), detectable["of"], detectable["signal"]
     return (
-        f"At their typical sizes, these data would show {count or 'none'} of the {of} effects that have a place in "
-        f"this network (signals of at least {signal:.0f} noise standard deviations; see detectable.csv)."
+        f"At their typical sizes, these data would show {count or 'none'} of the {of} kinds of effect that this "
+        f"network can have (signals of at least {signal:.0f} noise standard deviations; see detectable.csv)."
     )
 
 
@@ -92,10 +87,10 @@ def class_probability_text(members: Sequence[Mapping]) -> str:
     if not others:
         return f"probability {accepted['probability']:.2f}"
     total = sum(member["probability"] for member in members)
-    names = ", ".join(f"{label_text(member)} {member['probability']:.2f}" for member in others)
+    names = [f"{label_text(member)} {text}" for member in others if (text := f"{member['probability']:.2f}") != "0.00"]
     return (
         f"probability {total:.2f} for its class, {accepted['probability']:.2f} for this member; indistinguishable from "
-        f"it with these data: {names}"
+        f"it with these data: {', '.join(names) or 'others, below 0.01 each'}"
     )
 
 
@@ -132,7 +127,7 @@ def varying_text(best: Sequence[Mapping]) -> str:
 def size_text(sizes: Sequence[Mapping]) -> str:
     """State the sizes of an effect with 90 % intervals."""
     return ", ".join(
-        f"{'read early by' if size['early'] else size['meaning']} "
+        f"{'read early by' if size['early'] else size['meaning'] + ':'} "
         + interval_text(size["value"], size["low"], size["high"])
         + " s" * size["early"]
         for size in sizes
@@ -143,15 +138,6 @@ def sizes_by_condition(varying: Mapping) -> str:
     """State the first size of an effect under each condition that determines it, with 90 % intervals."""
     sizes = [f"{condition} {interval_text(*values)}" for condition, values in varying["conditions"].items()]
     return f"{varying['label']}: {', '.join(sizes)} {varying['unit']}".rstrip()
-
-
-def interval_text(value: float, low: float, high: float) -> str:
-    """Format a value with its interval, to two digits or as many as tell the ends from the value."""
-    for digits in range(2, 7):
-        text, *ends = (f"{one:.{digits}g}" for one in (value, low, high))
-        if text not in ends:
-            break
-    return f"{text} ({' to '.join(ends)})"
 
 
 def misfit_change(before: float, after: float) -> str:
@@ -198,21 +184,7 @@ def conflict_text(intro: str, conflicts: Sequence[Mapping]) -> str:
     return f"{intro} {listed(texts)}. "
 
 
-def listed(words: Sequence[str]) -> str:
-    """Join words as in a sentence: a, b and c."""
-    return " and ".join([", ".join(words[:-1])] * (len(words) > 1) + list(words[-1:]))
-
-
-def capitalised(text: str) -> str:
-    """Return a text with a capital first letter."""
-    return text[:1].upper() + text[1:]
-
-
 def label_text(effect: Mapping) -> str:
     """Name an effect and its place."""
-    return f"{effect['effect'].replace('_', ' ')} at {effect['place'].replace('~', ' and ')}"
-
-
-def p_text(p: float) -> str:
-    """Format a p-value, including one too small for a float."""
-    return f"p = {p:.2g}" if p > 0.0 else "p below 1e-300"
+    place = effect["place"].replace("~", " and ")
+    return f"{effect['effect'].replace('_', ' ')} {'at ' * (place != 'everywhere')}{place}"

@@ -7,24 +7,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from coronaryuq.core.io.atomic import read_json, write_text
+from coronaryuq.core.wording import capitalised, interval_text, listed, p_text
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.result.phrases import (
     EXPECTED_MISFIT,
     UNPREDICTED,
-    capitalised,
     class_probability_text,
     conflict_text,
     detectable_text,
     flexible_text,
-    interval_text,
     label_text,
-    listed,
     misfit_change,
     next_measurement_text,
     noise_notes,
     outlier_notes,
     overstated_sd_warning,
-    p_text,
     prediction_warning,
     size_text,
     sizes_by_condition,
@@ -34,6 +31,8 @@ from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OT
 
 STAND_IN = "it may be a surrogate for a mechanism outside the library. "
 EACH = "each condition, held out in turn,"
+SURE = 0.9
+"""Probability from which a statement has no "probably"."""
 DENSITY = "log_predictive_density_per_row"
 
 
@@ -57,14 +56,15 @@ def paragraph(answer: Mapping) -> str:
     data_notes = noise_notes(answer["noise"]) + outlier_notes(answer["outliers"])
     if answer["consistent"]:
         nothing = facts["answer"]["probabilities"][NOTHING]
+        other = f"; that something is missing, {1.0 - nothing:.2f}" if nothing < SURE else ""
         agreement = (
-            f"leaves a misfit to the {count} fitted measurements (global test {p_text(p)}), but one within the error "
-            "of a right model: nothing is missing"
+            f"leaves a misfit to the {count} fitted measurements (global test {p_text(p)}), but one that errors of "
+            "the model and its parameters explain: nothing is missing"
             if answer["alarm"]
             else f"agrees with the {count} fitted measurements (global test {p_text(p)}): there is nothing to explain"
         )
         text = data_notes + (
-            f"After recalibration, the model {agreement} (probability {nothing:.2f}). "
+            f"After recalibration, the model {agreement} (probability {nothing:.2f}{other}). "
             + conflict_text("Recalibration moves", answer["prior_conflicts"])
             + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT}). "
             + detectable_text(answer["detectable"])
@@ -173,21 +173,17 @@ def _shown(facts: Mapping, source: Mapping | None) -> str:
         data = f"the data under {condition}"
         cause = "check how they were recorded, and what else differs under this condition."
     elif place:
-        data, unseen = (
-            f"the {quantity} at {place}",
-            {"flow": "flow or bed", "pressure": "loss of pressure"}.get(quantity),
-        )
+        data = f"the {quantity} at {place}"
+        unseen = {"flow": "flow or bed", "pressure": "loss of pressure"}.get(quantity)
         cause = f"an error of that measurement{f', or a {unseen} that no other one sees' if unseen else ''}."
     elif condition:
         data = f"the {quantity} waveforms under {condition}"
         cause = f"check how they {'and the drive ' if facts['driven'] else ''}were recorded."
     else:
-        data, cause = (
-            f"the {quantity} waveforms",
-            f"an error that they share{' or of the drive' if facts['driven'] else ''}, or a cause that hardly changes "
-            "the others.",
-        )
-    said = f" It shows in {data} alone (probability {likeliest['probability']:.2f}): {cause}"
+        data, drive = f"the {quantity} waveforms", " or of the drive" if facts["driven"] else ""
+        cause = f"an error that they share{drive}, or a cause that hardly changes the others."
+    probability, likely = likeliest["probability"], " probably" * (likeliest["probability"] < SURE)
+    said = f" It{likely} shows in {data} alone (probability {probability:.2f}): {cause}"
     return said + (_source(source) if quantity == "flow" else "")
 
 
@@ -270,7 +266,7 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
         after, flexible, both = (gaps[model][DENSITY] for model in ("after", "flexible", "both"))
         text += f"Something remains unexplained ({p_text(p)}){flexible_text(after, flexible, both, named)}. "
     else:
-        text += f"The remaining misfit of the fitted data is within the noise ({p_text(p)}). "
+        text += f"The fitted data show no further misfit ({p_text(p)}). "
     if named:
         text += conflict_text("With the named effects, recalibration still moves", answer["prior_conflicts_remaining"])
     return text

@@ -94,7 +94,7 @@ class Autoregulation(Effect):
     signature = "flow falls less than pressure between conditions; waveforms within one condition keep their shape"
     native = "Ra, Ram (Ra1, Ra2; Rp, Rd) of the beds, one value per condition, written into the conditions file"
     parameters = (
-        Parameter("gain", "1", "lognormal", 0.6, 0.5, "exponent of pressure in the resistance; 1 keeps flow constant"),
+        Parameter("gain", "1", "lognormal", 0.6, 0.5, "exponent of pressure in the resistance, 1 if flow is constant"),
     )
     feedback = True
 

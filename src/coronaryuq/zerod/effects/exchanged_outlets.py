@@ -22,9 +22,7 @@ class ExchangedOutlets(WiringError):
         "condition"
     )
     native = "the values of the two boundary conditions"
-    parameters = (
-        Parameter("share", "1", "lognormal", 1.0, 0.15, "fraction of the exchange; 1 is a complete exchange"),
-    )
+    parameters = (Parameter("share", "1", "lognormal", 1.0, 0.15, "fraction of the exchange, 1 if it is complete"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [f"{a}~{b}" for a, b in combinations(anatomy.beds, 2) if _ratios(anatomy.network, a, b)]

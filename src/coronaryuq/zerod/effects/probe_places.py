@@ -116,7 +116,7 @@ class _Exchanged(_ReadsElsewhere):
         return pair[1 - pair.index(series.location)]
 
 
-SHARE = Parameter("share", "1", "lognormal", 1.0, 0.05, "fraction of the exchange; at 1 the two channels are exchanged")
+SHARE = Parameter("share", "1", "lognormal", 1.0, 0.05, "fraction of the exchange, 1 if the two channels are exchanged")
 
 
 class ExchangedPressures(_Exchanged):
