@@ -56,7 +56,7 @@ def test_an_oscillation_that_the_model_misses_is_no_outlier(number, seed):
 @settings(max_examples=100)
 def test_an_added_outlier_is_found(number, sample, sign, seed):
     residual = noise(seed)
-    residual[number * SAMPLES + sample] += 15.0 * sign
+    residual[number * SAMPLES + sample] += 25.0 * sign
     assert found(residual) == {(CONDITIONS[number], MEASURED[number].time[sample], sign)}
 
 
