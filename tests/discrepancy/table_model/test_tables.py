@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from coronaryuq.core.errors import InputError
+from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.table_model.tables import zero_flow_pressure
 from support.pair_tables import ZERO_FLOW, noisy_pairs, read_branch, rewrite
 
@@ -45,6 +46,31 @@ def test_the_zero_flow_pressure_is_estimated_if_flow_changes(tmp_path, outlet):
     error = np.std(found, ddof=1) / np.sqrt(len(found))
     assert np.std(found) < 100.0 * outlet + 0.5
     assert abs(np.mean(found) - ZERO_FLOW) < 3.0 * error + 0.5
+
+
+@pytest.mark.parametrize(("of_pressure", "of_flow"), [(0.002, 0.05), (0.01, 0.03), (0.02, 0.02), (0.01, 0.0)])
+def test_the_zero_flow_pressure_does_not_depend_on_which_reading_is_noisier(of_pressure, of_flow):
+    """With equal errors of both taken for granted, it was 36 to 67 mmHg in place of 5 where flows are the noisier. Ten
+    beds leave its prior little weight: the mean of 30 trials is within three standard errors of the truth, and 0.5."""
+    random, count, found = generator(1, "test", "zero-flow pressure"), 120, []
+    root, others = ("mean_pressure", "heart"), [f"b{number}" for number in range(10)]
+    pressures = {("mean_pressure", name): (f"p_{name}",) * 2 for name in others} | {root: ("root", "root")}
+    flows = {("mean_flow", name): (f"q_{name}",) * 2 for name in others}
+    for _ in range(30):
+        made = {"root": random.normal(92.0, 8.0, count)}
+        read = {"root": made["root"]}
+        for name in others:
+            bed, loss = random.lognormal(0.0, 0.25, count) * 60.0, random.uniform(5.0, 15.0)
+            resistances = {"made": (made, 2.0), "read": (read, 2.0 + loss)}
+            for table, series in resistances.values():
+                flow = (made["root"] - ZERO_FLOW) / (bed + series)
+                table[f"p_{name}"], table[f"q_{name}"] = ZERO_FLOW + bed * flow, flow
+            read[f"p_{name}"] = read[f"p_{name}"] * (1.0 + of_pressure * random.standard_normal(count))
+            read[f"q_{name}"] = read[f"q_{name}"] * (1.0 + of_flow * random.standard_normal(count))
+        found.append(zero_flow_pressure(pd.DataFrame(made), pd.DataFrame(read), pressures, flows, root))
+    values, spreads = np.array(found).T
+    assert abs(values.mean() - ZERO_FLOW) < 3.0 * values.std(ddof=1) / np.sqrt(30.0) + 0.5
+    assert 0.5 < np.sqrt(np.mean(((values - ZERO_FLOW) / spreads) ** 2)) < 1.6
 
 
 def with_neighbour(table, apart):

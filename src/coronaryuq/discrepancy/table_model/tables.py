@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import minimize_scalar
+from scipy.linalg import eigh
 
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import read_csv
@@ -15,6 +15,8 @@ from coronaryuq.core.io.tables import read_csv
 SD_ZERO_FLOW, SD_BED, FLOOR_BED = 0.1, 0.25, 0.003
 """Prior standard deviations of the zero-flow pressure over the root pressure and of the log resistance of a bed;
 least relative error of the pressure and flow of an outlet."""
+POINTS = 200
+"""Points between 0 and the least outlet pressure at which a zero-flow pressure is tested."""
 EXACT, LARGEST_ROUNDING = 1e-6, 0.01
 """Relative tolerance for equal pressures, and the largest that rounding may add to it."""
 MOST_DIGITS = 12
@@ -267,9 +269,10 @@ def zero_flow_pressure(
 ) -> tuple[float, float]:
     """Estimate the zero-flow pressure of the beds, from 0 to below the least outlet pressure, with its posterior sd.
 
-    Each bed keeps its resistance up to a factor k: P3 - z = k (P0 - z) Q3 / Q0. Residuals are weighted by the variance
-    that equal relative errors of P3 and Q3 imply (total least squares), their size unknown above `FLOOR_BED`. k and z
-    have priors, so that beds whose flow does not change are uninformative and leave z near 0.
+    Each bed keeps its resistance up to a factor k: P3 - z = k (P0 - z) Q3 / Q0. Errors of P3 and Q3, of whatever size,
+    do not correlate with functions of the exact P0 and Q0, with which the relation is tested: by limited-information
+    maximum likelihood (Anderson & Rubin 1949), which fits of P3 to Q3, or the reverse, would bias. k and z have priors,
+    so that beds whose flow does not change are uninformative and leave z near 0.
     """
     beds = []
     for key, (p0, p3) in pressures.items():
@@ -278,29 +281,36 @@ def zero_flow_pressure(
             continue
         a, b = simulated[p0].to_numpy(), measured[p3].to_numpy()
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = measured[pair[1]].to_numpy() / simulated[pair[0]].to_numpy()
+            flow = simulated[pair[0]].to_numpy()
+            ratio = measured[pair[1]].to_numpy() / flow
             valid = np.isfinite(a * b * ratio) & (a > 0.0) & (b > 0.0) & (ratio > 0.0)
         if valid.any():
-            beds.append((a[valid], b[valid], ratio[valid]))
+            beds.append((a[valid], b[valid], ratio[valid], flow[valid]))
     if not beds:
         return 0.0, 0.0
     scale = SD_ZERO_FLOW * float(simulated[pressures[root][0]].mean())
 
-    def objective(z: float) -> float:
-        total = 0.5 * (z / scale) ** 2
-        for a, b, ratio in beds:
-            expected, weight = (a - z) * ratio, 1.0 / (b**2 + (b - z) ** 2)
-            factor = np.sum(weight * (b - z) * expected) / np.sum(weight * expected**2)
-            left = np.mean(weight * (b - z - factor * expected) ** 2)
-            total += 0.5 * len(a) * np.log(left + FLOOR_BED**2) + 0.5 * (np.log(factor) / SD_BED) ** 2
-        return float(total)
+    z = np.linspace(0.0, min(min(a.min(), b.min()) for a, b, _, _ in beds), POINTS, endpoint=False)
+    log_density = -0.5 * (z / scale) ** 2 + sum(_log_density_of_bed(*bed, z) for bed in beds)
+    found = float(z[np.argmax(log_density)])
+    density = np.exp(log_density - log_density.max())
+    return found, float(np.sqrt(np.average((z - found) ** 2, weights=density)))
 
-    least = min(min(a.min(), b.min()) for a, b, _ in beds)
-    grid = np.linspace(0.0, least, 200, endpoint=False)
-    best = int(np.argmin([objective(z) for z in grid]))
-    bounds = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
-    found = float(minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-6 * least}).x)
-    # Above the least pressure the factor of a bed would be negative.
-    step = min(0.01 * scale, 0.5 * (least - found))
-    curvature = (objective(found + step) - 2.0 * objective(found) + objective(found - step)) / step**2
-    return found, float(1.0 / np.sqrt(max(curvature, scale**-2)))
+
+def _log_density_of_bed(a: np.ndarray, b: np.ndarray, ratio: np.ndarray, flow: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return the log density of zero-flow pressures (m,) by one bed's P0, P3, Q3 / Q0 and Q0, (n,) each."""
+    first, second = a / a.mean() - 1.0, flow / flow.mean() - 1.0
+    basis = np.column_stack([np.ones(len(a)), first, second, first**2, first * second, second**2])
+    functions, lengths, _ = np.linalg.svd(basis, full_matrices=False)
+    functions = functions[:, lengths > EXACT * lengths[0]]
+    found = np.empty(len(z))
+    for number, zero in enumerate(z):
+        sides = np.column_stack([b - zero, (a - zero) * ratio])
+        squares, along = sides.T @ sides, functions.T @ sides
+        squares += FLOOR_BED**2 * np.diag(np.diag(squares))
+        # The least ratio, over all k, of the residual's square to the square of its part that no function explains.
+        excess, (in_first, in_second) = eigh(squares, squares - along.T @ along, subset_by_index=[0, 0])
+        factor = float(-in_second[0] / in_first[0]) if in_first[0] else np.inf
+        of_factor = -0.5 * (np.log(factor) / SD_BED) ** 2 if factor > 0.0 else -np.inf
+        found[number] = of_factor - 0.5 * len(a) * np.log(excess[0])
+    return found
