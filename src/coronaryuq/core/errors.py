@@ -72,16 +72,19 @@ def meant(written: Any, known: Iterable[Word], others: Mapping[str, Word] | None
 
 def similar(name: Any, known: Iterable[str]) -> str:
     """Return "similar: X, Y" for up to three words that resemble a name, whatever their capitals, else nothing."""
-    by_lower = {word.lower(): word for word in known}
-    found = difflib.get_close_matches(str(name).lower(), by_lower, n=3, cutoff=0.3)
-    return f"similar: {', '.join(by_lower[word] for word in found)}" if found else ""
+    found = _close(name, known, 3, 0.3)
+    return f"similar: {', '.join(found)}" if found else ""
 
 
 def nearest(name: Any, known: Iterable[str]) -> str:
     """Return "did you mean X? " for a word that resembles a known one, else an empty string."""
+    found = _close(name, known, 1, 0.6)
+    return f"did you mean {found[0]}? " if found else ""
+
+
+def _close(name: Any, known: Iterable[str], count: int, cutoff: float) -> list[str]:
     by_lower = {word.lower(): word for word in known}
-    found = difflib.get_close_matches(str(name).lower(), by_lower, n=1, cutoff=0.6)
-    return f"did you mean {by_lower[found[0]]}? " if found else ""
+    return [by_lower[word] for word in difflib.get_close_matches(str(name).lower(), by_lower, n=count, cutoff=cutoff)]
 
 
 def _shorten(value: Any, limit: int = 80) -> str:

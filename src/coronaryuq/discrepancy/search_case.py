@@ -70,7 +70,7 @@ def searched(
         if error.file in UNNAMED:
             raise InputError(model, error.field, error.value, error.remedy) from None
         raise
-    for name in known.keys() - problem.forward.conditions.keys():
+    for name in (one for one in known if one not in problem.forward.conditions):
         _report(f"note: {conditions}: {name}: no measurements of this condition; it is not used")
     root_pressure = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
     _report(f"root pressure of the unmodified model: {root_pressure:.3g} mmHg")

@@ -56,7 +56,7 @@ class Problem:
     shorter
         The model with shorter time steps, created when needed.
     noises
-        Quantity → noises that its waveforms may have; evidence of all data is averaged over them.
+        Quantity → noises that its measurements may have; evidence of all data is averaged over them.
     """
 
     forward: Forward

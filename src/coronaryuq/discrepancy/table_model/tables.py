@@ -15,8 +15,9 @@ from coronaryuq.core.io.tables import read_csv
 SD_ZERO_FLOW, SD_BED, FLOOR_BED = 0.1, 0.25, 0.003
 """Prior standard deviations of the zero-flow pressure over the root pressure and of the log resistance of a bed;
 least relative error of the pressure and flow of an outlet."""
-POINTS = 200
-"""Points between 0 and the least outlet pressure at which a zero-flow pressure is tested."""
+POINTS, NEAR = 100, 12.5
+"""Points between 0 and the least outlet pressure at which a zero-flow pressure is tested, and then again as many where
+its log density is within the latter of the largest, as within five standard deviations."""
 EXACT, LARGEST_ROUNDING = 1e-6, 0.01
 """Relative tolerance for equal pressures, and the largest that rounding may add to it."""
 MOST_DIGITS = 12
@@ -290,8 +291,13 @@ def zero_flow_pressure(
         return 0.0, 0.0
     scale = SD_ZERO_FLOW * float(simulated[pressures[root][0]].mean())
 
-    z = np.linspace(0.0, min(min(a.min(), b.min()) for a, b, _, _ in beds), POINTS, endpoint=False)
-    log_density = -0.5 * (z / scale) ** 2 + sum(_log_density_of_bed(*bed, z) for bed in beds)
+    least = min(min(a.min(), b.min()) for a, b, _, _ in beds)
+    low, high = 0.0, least
+    for _ in range(2):
+        z, step = np.linspace(low, high, POINTS, endpoint=False, retstep=True)
+        log_density = -0.5 * (z / scale) ** 2 + sum(_log_density_of_bed(*bed, z) for bed in beds)
+        near = z[log_density > log_density.max() - NEAR]
+        low, high = max(near[0] - step, 0.0), min(near[-1] + step, least)
     found = float(z[np.argmax(log_density)])
     density = np.exp(log_density - log_density.max())
     return found, float(np.sqrt(np.average((z - found) ** 2, weights=density)))
