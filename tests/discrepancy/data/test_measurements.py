@@ -98,7 +98,7 @@ def test_a_ratio_must_be_a_mean(error_of):
         (lambda t: t.replace("hyperaemia", "hyperemia"), "not in the conditions file; known: rest, hyperaemia"),
         (lambda t: t.replace("mean", "average"), "statistic"),
         (lambda t: t[:0], "contains no measurements"),
-        (lambda t: pd.concat([t, t[t.statistic == "mean"]]), "duplicate measurement"),
+        (lambda t: pd.concat([t, t[t.statistic == "mean"]]), ": the same measurement; keep one row"),
     ],
     ids=[
         "milliseconds",

@@ -26,26 +26,12 @@ def test_the_misfit_falls_only_if_the_shown_numbers_do(before, after, text):
     assert phrases.misfit_change(before, after).startswith(f"{text} (1 is expected from")
 
 
-@pytest.mark.parametrize(
-    ("after", "flexible", "both", "named", "text"),
-    [
-        (1.0, 0.9, 1.2, True, ""),
-        (1.0, 1.1, 1.2, True, "better than the named effects alone, and better still combined with them (log"),
-        (1.0, 1.1, 1.05, True, "better than the named effects alone (log predictive density per row 1.00, 1.10)"),
-        (1.0, 1.1, 1.1, False, "better (log predictive density per row 1.10, without it 1.00)"),
-    ],
-)
-def test_a_flexible_discrepancy_is_mentioned_only_if_it_predicts_better(after, flexible, both, named, text):
-    sentence = phrases.flexible_text(after, flexible, both, named)
-    assert text in sentence
-    assert bool(sentence) == bool(text)
-
-
 def test_a_model_that_fits_but_does_not_predict_gets_a_warning():
     assert phrases.prediction_warning(0.5, ["pacing"]) == ""
     warning = phrases.prediction_warning(1e-9, ["pacing"])
     assert "does not predict the held-out data (p = 1e-09)" in warning and "hold other conditions out" in warning
-    assert "hold other conditions out" not in phrases.prediction_warning(1e-9, [])
+    alone = phrases.prediction_warning(1e-9, [])
+    assert "what is left out of the fit is not predicted by the rest (p = 1e-09)" in alone and "held-out" not in alone
 
 
 def test_the_measurement_that_distinguishes_a_class_is_named_only_if_it_is_informative():
@@ -77,10 +63,12 @@ def test_noise_is_told_by_its_size_and_by_how_long_it_lasts():
     noise = {"pressure": {"scale": 1.24, "correlation_time": 0.0}, "flow": {"scale": 1.03, "correlation_time": 0.036}}
     said = "1.24 times the stated size for pressure and 1.03 times the stated size, correlated over 0.036 s, for flow"
     told = phrases.noise_notes(noise)
-    assert told == f"By the scatter of the waveforms, their noise is {said}; the search takes it so. "
+    assert told == f"By the scatter of the waveforms, their noise is {said}; the search uses this. "
     assert phrases.noise_notes({}) == ""
     quiet = phrases.noise_notes({"flow": {"scale": 0.03, "correlation_time": 0.1}})
     assert quiet.endswith(" Check that standard deviations of flow are in the unit of the values. ")
+    loud = phrases.noise_notes({"flow": {"scale": 4.9, "correlation_time": 0.0}})
+    assert "So much noise of flow may be no noise: check it" in loud and "So much" not in told
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,8 @@ def read_measurements(
             once = _once(time, period)
             time, value, sd = time[once], value[once], sd[once]
         elif len(rows) > 1:
-            raise InputError(path, "/".join(key), len(rows), "duplicate measurement; keep one row")
+            lines = ", ".join(str(line_number(path, number)) for number in rows.index)
+            raise InputError(path, "/".join(key), None, f"lines {lines}: the same measurement; keep one row")
         measured.append(Measured(condition, quantity, location, statistic, time, period, value, sd, pullback=pullback))
     check_alone(path, pullbacks)
     measured = [_with_pullback(path, series, measured) if series.quantity == DRIFT else series for series in measured]

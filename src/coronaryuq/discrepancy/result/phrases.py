@@ -15,6 +15,8 @@ QUIET, UNLIKELY = 0.5, 1e-4
 """Scatter over the stated standard deviation, and its probability, below which the latter is reported as too large."""
 WRONG_UNIT = 0.1
 """Size of the noise over the stated one below which the latter may be in another unit than the values."""
+TOO_LOUD = 2.0
+"""Size of the noise over the stated one above which it may be no noise."""
 UNPREDICTED = 0.001
 """p-value of the held-out data below which the text says that they are not predicted."""
 MOST_LISTED = 4
@@ -29,9 +31,11 @@ def noise_notes(noise: Mapping[str, Mapping]) -> str:
         for time in [one["correlation_time"]]
     ]
     quiet = [name for name, one in noise.items() if one["scale"] < WRONG_UNIT]
-    check = f"Check that standard deviations of {listed(quiet)} are in the unit of the values. " if quiet else ""
-    text = f"By the scatter of the waveforms, their noise is {listed(each)}; the search takes it so. " if each else ""
-    return text + check
+    loud = [name for name, one in noise.items() if one["scale"] > TOO_LOUD]
+    text = f"By the scatter of the waveforms, their noise is {listed(each)}; the search uses this. " if each else ""
+    text += f"Check that standard deviations of {listed(quiet)} are in the unit of the values. " if quiet else ""
+    doubt = f"So much noise of {listed(loud)} may be no noise: check it, or search with `--noise stated`. "
+    return text + doubt * bool(loud)
 
 
 def outlier_notes(outliers: Sequence[Mapping]) -> str:
@@ -75,9 +79,9 @@ def prediction_warning(p: float, held_out: list[str]) -> str:
     """Warn that a model which agrees with the fitted data does not predict the held-out data, if so."""
     if p >= UNPREDICTED:
         return ""
-    remedy = "check these conditions in the conditions file"
-    if held_out:
-        remedy += ", or hold other conditions out so that these are searched"
+    if not held_out:
+        return f" However, what is left out of the fit is not predicted by the rest ({p_text(p)}): the data disagree."
+    remedy = "check these conditions in the conditions file, or hold other conditions out so that these are searched"
     return f" However, the model does not predict the held-out data ({p_text(p)}): {remedy}."
 
 
@@ -145,29 +149,6 @@ def misfit_change(before: float, after: float) -> str:
     if f"{before:.2f}" == f"{after:.2f}":
         return f"stays at {after:.2f} ({EXPECTED_MISFIT})"
     return f"{'falls' if after < before else 'rises'} from {before:.2f} to {after:.2f} ({EXPECTED_MISFIT})"
-
-
-def flexible_text(after: float, flexible: float, both: float, named: bool) -> str:
-    """State that a flexible discrepancy predicts the held-out data better, if it does.
-
-    Parameters
-    ----------
-    after, flexible, both
-        Log predictive density per row with the effects, with a flexible discrepancy, and with both.
-    named
-        Whether the effects are named.
-    """
-    if flexible <= after:
-        return ""
-    text = ": a flexible discrepancy predicts the held-out data better"
-    if not named:
-        return f"{text} (log predictive density per row {flexible:.2f}, without it {after:.2f})"
-    densities = [after, flexible]
-    text += " than the named effects alone"
-    if both > flexible:
-        text += ", and better still combined with them"
-        densities.append(both)
-    return f"{text} (log predictive density per row {', '.join(f'{density:.2f}' for density in densities)})"
 
 
 def conflict_text(intro: str, conflicts: Sequence[Mapping]) -> str:

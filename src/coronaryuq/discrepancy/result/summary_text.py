@@ -15,7 +15,6 @@ from coronaryuq.discrepancy.result.phrases import (
     class_probability_text,
     conflict_text,
     detectable_text,
-    flexible_text,
     label_text,
     misfit_change,
     next_measurement_text,
@@ -30,6 +29,7 @@ from coronaryuq.discrepancy.result.phrases import (
 from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OTHER, UNLISTED, VARYING
 
 STAND_IN = "it may be a surrogate for a mechanism outside the library. "
+RESIDUALS = "The residual waveforms show where it acts and its shape."
 EACH = "each condition, held out in turn,"
 SURE = 0.9
 """Probability from which a statement has no "probably"."""
@@ -59,7 +59,7 @@ def paragraph(answer: Mapping) -> str:
         other = f"; that something is missing, {1.0 - nothing:.2f}" if nothing < SURE else ""
         agreement = (
             f"leaves a misfit to the {count} fitted measurements (global test {p_text(p)}), but one that errors of "
-            "the model and its parameters explain: nothing is missing"
+            f"the model and its parameters{' and this noise' * bool(answer['noise'])} explain: nothing is missing"
             if answer["alarm"]
             else f"agrees with the {count} fitted measurements (global test {p_text(p)}): there is nothing to explain"
         )
@@ -86,7 +86,8 @@ def paragraph(answer: Mapping) -> str:
         said = text + _outside_library(answer, held_out)
         return said + ("" if _unseen(answer, held_out) else _shown(facts, answer["unknown_source"]))
     for number, effect in enumerate(answer["named"]):
-        text += "The best explanation is " if number == 0 else "A further effect is "
+        best = "The best" if facts["answer"]["probabilities"][NAMES] >= SURE else "The likeliest"
+        text += f"{best} explanation is " if number == 0 else "A further effect is "
         text += _named_effect(effect, facts["best"])
     return (text + _not_confirmed(answer) + _remaining(answer, held_out)).rstrip()
 
@@ -102,7 +103,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"({', '.join(held_out)}) show. No effect is named, because none is fitted to these: hold out another one."
         )
     if not best:
-        return f"{start}: {_shape_text(gaps)}"
+        return f"{start}. {RESIDUALS}"
     labels = listed([label_text(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (
@@ -126,12 +127,12 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"{forms['device']}, of a shape that the library does not list, is likelier. No effect is named. {change}"
         )
     elif forms["support_nats"] < 1.0:
-        reason = f"no effect of the library explains a part of it. {capitalised(_shape_text(gaps))}"
+        reason = f"no effect of the library explains any of it. {RESIDUALS} No effect is named."
     else:
         reason = (
             f"{candidate}, {labels}, {'explains' if one else 'explain'} only a part of it (probability of the "
             f"name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}; evidence beside a flexible error: "
-            f"{max(forms['support_nats'], 0.0):.0f} nats). {capitalised(_shape_text(gaps))} {change}"
+            f"{max(forms['support_nats'], 0.0):.0f} nats). {RESIDUALS} No effect is named. {change}"
         )
     return f"{start}: {reason}"
 
@@ -205,21 +206,15 @@ def _source(found: Mapping | None) -> str:
     )
 
 
-def _shape_text(gaps: Mapping) -> str:
-    return (
-        f"with a flexible discrepancy the held-out misfit is {gaps['flexible']['misfit']:.2f} against "
-        f"{gaps['before']['misfit']:.2f}. The residual waveforms show where it acts and its shape; no effect is named."
-    )
-
-
 def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
     """Describe a named effect: probability, size, measurements that would distinguish its class, and doubts."""
     facts = next(e for e in best if (e["effect"], e["place"]) == (named["effect"], named["place"]))
     text = f"{label_text(named)} ({class_probability_text(named['class'])}; {size_text(facts['sizes'])}). "
-    text += next_measurement_text(named["next_measurements"]) + facts["assumption"]
+    text += facts["assumption"]
     if named["wiring_errors"]:
         statements = listed([f"{one['statement']} ({one['probability']:.2f})" for one in named["wiring_errors"]])
         text += f"These data do not exclude a wiring error of the model instead: {statements}. "
+    text += next_measurement_text(named["next_measurements"])
     for size in facts["beyond_prior"]:
         text += (
             f"Its {size['label']} lies outside the central 99 % of its prior "
@@ -262,11 +257,8 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
         )
     if named and gaps["p_held_out"] < UNPREDICTED:
         text += f"The named effects do not predict all of the held-out data ({p_text(gaps['p_held_out'])}). "
-    if answer["facts"]["unexplained"]:
-        after, flexible, both = (gaps[model][DENSITY] for model in ("after", "flexible", "both"))
-        text += f"Something remains unexplained ({p_text(p)}){flexible_text(after, flexible, both, named)}. "
-    else:
-        text += f"The fitted data show no further misfit ({p_text(p)}). "
+    left = answer["facts"]["unexplained"]
+    text += f"{'Something remains unexplained' if left else 'The fitted data show no further misfit'} ({p_text(p)}). "
     if named:
         text += conflict_text("With the named effects, recalibration still moves", answer["prior_conflicts_remaining"])
     return text

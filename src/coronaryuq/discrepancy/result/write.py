@@ -52,7 +52,7 @@ def summary(found: Discovery) -> dict:
         ],
         "outside_library": found.outside_library,
         "not_confirmed": [
-            {"effect": entry.refuted.effect.name, "place": entry.refuted.place, "log_evidence": _adds(entry)}
+            {"effect": entry.refuted.effect.name, "place": entry.refuted.place, "log_evidence": _adds(found, entry)}
             for entry in found.rounds
             if entry.refuted is not None
         ],
@@ -116,7 +116,7 @@ def _named(found: Discovery, placed: PlacedEffect, entry: Round) -> dict:
             if not c.effect.nameable
         ],
         "class_probability": found.class_probability(entry),
-        "log_evidence": _adds(entry),
+        "log_evidence": _adds(found, entry),
         "sizes": sizes,
         "by_condition": _by_condition(found, placed),
         "beyond_prior": [parameter.name for parameter in found.beyond_prior(placed)],
@@ -129,14 +129,14 @@ def _named(found: Discovery, placed: PlacedEffect, entry: Round) -> dict:
     }
 
 
-def _adds(entry: Round) -> dict | None:
+def _adds(found: Discovery, entry: Round) -> dict | None:
     """Return the nats that an effect adds to the others, for fitted and for held-out data; None if it is alone.
 
-    Null if the model does not run without it.
+    Null if the model does not run without it, and for held-out data if there are none.
     """
     if entry.held_out_gain is None:
         return None
-    nats = {"fitted": entry.evidence_gain, "held_out": entry.held_out_gain}
+    nats = {"fitted": entry.evidence_gain, "held_out": np.inf if found.problem.train.all() else entry.held_out_gain}
     return {name: value if np.isfinite(value) else None for name, value in nats.items()}
 
 
