@@ -72,11 +72,21 @@ def linear(problem) -> Linear:
     return Linear(np.array([0.3, -0.2, 0.5]), random.standard_normal(ROWS), jacobian)
 
 
-def density(problem, model: Linear, noise: tuple[PossibleNoise, ...], amplitudes: np.ndarray, common=False) -> float:
+def smooth(problem, common=False) -> np.ndarray:
+    return gp_discrepancy.features(problem, common)
+
+
+def rough(problem) -> np.ndarray:
+    """Every sample by itself, by the largest value of its waveform."""
+    largest = [np.full(one.value.size, np.abs(one.value).max()) for one in problem.forward.measured]
+    return np.diag(np.concatenate(largest) / problem.sd)
+
+
+def density(problem, model: Linear, noise: tuple[PossibleNoise, ...], amplitudes: np.ndarray, features) -> float:
     """Log density of the data under one noise, with an amplitude of something else in each row."""
     sd = problem.sd
     parts = [problem.forward.shapes[:1], model.jacobian[:, :1].T * sd, *(one.shapes for one in noise)]
-    parts.append((gp_discrepancy.features(problem, common) * (sd * amplitudes)[:, None]).T)
+    parts.append((features(problem) * (sd * amplitudes)[:, None]).T)
     variance = sd**2 + sum(one.variance for one in noise)
     covariance = np.diag(variance) + sum(part.T @ part for part in parts)
     return float(multivariate_normal.logpdf(model.at_zero * sd, cov=covariance))
@@ -91,34 +101,35 @@ def averaged(problem, noises, of_one) -> float:
 
 def test_the_evidence_is_the_mean_of_the_densities_of_the_data(problem, noises):
     model = linear(problem)
-    of_own = density(problem, model, noises["flow"][:1], np.zeros(ROWS))
+    of_own = density(problem, model, noises["flow"][:1], np.zeros(ROWS), smooth)
     constant = float(of_all(problem, model).log_evidence[0]) - of_own
     found = replace(problem, noises=noises).all_data.evidence(model.at_zero, model.jacobian, 2.5)
 
-    def in_rows(rows: np.ndarray, prior: np.ndarray, pair, common=False) -> float:
-        return float(logsumexp(prior + [density(problem, model, pair, a * rows, common) for a in AMPLITUDES]))
+    def in_rows(rows: np.ndarray, prior: np.ndarray, pair, features=smooth) -> float:
+        return float(logsumexp(prior + [density(problem, model, pair, a * rows, features) for a in AMPLITUDES]))
 
     def rows_of(*where: int) -> list[np.ndarray]:
         """The rows of every combination of quantity (0), place (1) and condition (2)."""
         each = [tuple(waveform[k] for k in where) for waveform in PLACES]
         return [np.repeat([1.0 * (one == own) for one in each], SAMPLES) for own in dict.fromkeys(each)]
 
+    shared = partial(smooth, common=True)
     right = averaged(problem, noises, lambda pair: in_rows(np.ones(ROWS), RIGHT, pair))
     assert found.right == pytest.approx(right + constant - 2.5, abs=1e-7)
     forms = [rows_of(), rows_of(0), rows_of(0, 1), rows_of(0, 2), rows_of(2)]
 
     def anywhere(pair) -> float:
         each = [[in_rows(rows, UNKNOWN, pair) for rows in form] for form in forms]
-        for where in (0,), (0, 2):
-            each.append([in_rows(rows, UNKNOWN, pair, common=True) for rows in rows_of(*where)])
-        return float(logsumexp([logsumexp(form) - np.log(len(form)) for form in each]) - np.log(7.0))
+        for where, features in ((0,), shared), ((0, 2), shared), ((0, 1), rough):
+            each.append([in_rows(rows, UNKNOWN, pair, features) for rows in rows_of(*where)])
+        return float(logsumexp([logsumexp(form) - np.log(len(form)) for form in each]) - np.log(8.0))
 
     assert found.unknown == pytest.approx(averaged(problem, noises, anywhere) + constant - 2.5, abs=1e-6)
     assert len(found.shown) == 1 + 2 + 3 + 3 + 2
     at_b, paced = rows_of(0, 1)[1], rows_of(0, 2)[1]
-    for where, rows, shapes in (("b", ""), at_b, (False,)), (("", "pacing"), paced, (False, True)):
-        each = [averaged(problem, noises, partial(in_rows, rows, UNKNOWN, common=one)) for one in shapes]
-        only = logsumexp(each) - np.log(7.0 * 3.0)
+    for where, rows, shapes in (("b", ""), at_b, (smooth, rough)), (("", "pacing"), paced, (smooth, shared)):
+        each = [averaged(problem, noises, partial(in_rows, rows, UNKNOWN, features=one)) for one in shapes]
+        only = logsumexp(each) - np.log(8.0 * 3.0)
         assert found.shown["pressure", *where] == pytest.approx(only + constant - 2.5, abs=1e-6)
 
 
@@ -139,9 +150,8 @@ def test_something_else_in_single_values_alone_is_no_larger_error_of_them(proble
     random = np.random.default_rng(6)
     at_zero, jacobian = random.standard_normal(SAMPLES + 1), random.standard_normal((SAMPLES + 1, 1))
     found = small.all_data.evidence(at_zero, jacobian).unknown
-    features = gp_discrepancy.features(small)
 
-    def in_rows(rows: np.ndarray) -> float:
+    def in_rows(rows: np.ndarray, features: np.ndarray) -> float:
         covariances = [
             np.eye(SAMPLES + 1)
             + jacobian @ jacobian.T
@@ -151,9 +161,14 @@ def test_something_else_in_single_values_alone_is_no_larger_error_of_them(proble
         densities = [multivariate_normal.logpdf(at_zero, cov=covariance) for covariance in covariances]
         return float(logsumexp(UNKNOWN + densities))
 
-    both, one = in_rows(np.ones(SAMPLES + 1)), in_rows(np.r_[np.ones(SAMPLES), 0.0])
+    waves = np.r_[np.ones(SAMPLES), 0.0]
+    both, one, by_sample = (
+        in_rows(np.ones(SAMPLES + 1), smooth(small)),
+        in_rows(waves, smooth(small)),
+        in_rows(waves, rough(small)),
+    )
     constant = 0.5 * (SAMPLES + 1) * np.log(2.0 * np.pi)
-    assert found == pytest.approx(logsumexp([both, one, one, one, one, one, one]) - np.log(7.0) + constant, abs=1e-7)
+    assert found == pytest.approx(logsumexp([both, *6 * [one], by_sample]) - np.log(8.0) + constant, abs=1e-7)
 
 
 @pytest.mark.slow

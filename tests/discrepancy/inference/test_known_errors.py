@@ -12,9 +12,9 @@ from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
-from coronaryuq.discrepancy.inference.known_errors import known_errors, oscillates
+from coronaryuq.discrepancy.inference.known_errors import known_errors
 from coronaryuq.discrepancy.inference.read_problem import make_problem, with_time_steps
-from coronaryuq.discrepancy.inference.time_step_error import FINER, time_steps
+from coronaryuq.discrepancy.inference.time_step_error import FINER, oscillates, time_steps
 from coronaryuq.discrepancy.inference.vessel_errors import vessel_errors
 from coronaryuq.discrepancy.selection.answer import NOTHING
 from coronaryuq.discrepancy.settings import Settings

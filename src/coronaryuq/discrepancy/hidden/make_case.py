@@ -23,10 +23,9 @@ from coronaryuq.discrepancy.hidden.detectability import Row, least_trace
 from coronaryuq.discrepancy.hidden.experiment import Experiment
 from coronaryuq.discrepancy.hidden.nature import OUR_ENGINE, Law, Nature, Outside, Records
 from coronaryuq.discrepancy.hidden.other_solver import SvZeroDSimulation
-from coronaryuq.discrepancy.inference.known_errors import oscillates
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.read_problem import make_problem
-from coronaryuq.discrepancy.inference.time_step_error import FINER
+from coronaryuq.discrepancy.inference.time_step_error import FINER, oscillates
 from coronaryuq.discrepancy.settings import Settings
 
 UNIT = {"flow": "mL/s", "pressure": "dyn/cm2", "volume": "mL", "perfusion": "mL/s/g", "ratio": "1"}

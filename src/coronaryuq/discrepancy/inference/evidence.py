@@ -6,12 +6,14 @@ plausible, and where something else shows, with one amplitude as a fraction of e
 - in all data, independently at each place;
 - in one quantity alone, as a flow that is diverted hardly changes pressures;
 - at one place alone, as an error of a probe;
+- the same with every sample independent of its neighbours, as spikes, steps and fast oscillations that no smooth
+  function follows, and that would look like noise of all probes otherwise;
 - in one quantity under one condition alone, as a recording that went wrong;
 - under one condition alone, in all its data, as a state of the patient that the conditions do not describe;
 - in one quantity, the same at all places, as an error of the device that reads them;
 - the same under one condition alone.
 
-The seven are equally likely. Apart from single values under a condition that has waveforms, all but the first are of
+The eight are equally likely. Apart from single values under a condition that has waveforms, all but the first are of
 waveforms and pullbacks: in single values alone, something else cannot be distinguished from a larger error.
 
 Waveforms have independent errors given the parameters of the model, and something else independent parts: one per
@@ -76,8 +78,8 @@ class Data:
         self.names = list(dict.fromkeys(one.quantity for one in series))
         noises = {name: problem.noises.get(name, (stated,)) for name in self.names}
         axes = np.ix_(*(log_softmax([one.log_prior for one in noises[name]]) for name in self.names))
-        self.log_priors = np.asarray(sum(axes))
-        """Of every combination of the quantities' noises."""
+        self.log_priors = np.asarray(sum(axes)) - problem.widened[chosen].sum()
+        """Of every combination of the quantities' noises, with what wider standard deviations cost."""
         self.others = [k for k, nuisance in enumerate(forward.nuisances) if nuisance.noise]
         """Columns of a model's sensitivities that are weights of the problem's own noise."""
         owner, sd = problem.owner[chosen], problem.sd[chosen]
@@ -88,8 +90,8 @@ class Data:
         }
         alone, shared = (gp_discrepancy.features(problem, common)[chosen] for common in (False, True))
         several = {number for number, one in enumerate(series) if one.value.size > 1}
-        everywhere, by_quantity, by_place, by_recording, by_condition, common, common_there = (
-            defaultdict[Where, list[Part]](list) for _ in range(7)
+        everywhere, by_quantity, by_place, rough, by_recording, by_condition, common, common_there = (
+            defaultdict[Where, list[Part]](list) for _ in range(8)
         )
         blocks = gp_discrepancy.blocks(problem)[chosen]
         for number in np.unique(blocks):
@@ -102,6 +104,8 @@ class Data:
                 by_place[name, place, ""].append(whole)
             for one in sorted(waveforms):
                 part = Part(rows[one], alone[rows[one]], name, self.noises[name])
+                by_sample = np.diag(np.abs(series[one].value).max() / sd[rows[one]])
+                rough[name, place, ""].append(Part(rows[one], by_sample, name, self.noises[name]))
                 by_recording[name, "", series[one].condition].append(part)
         for name in self.names:
             mine = [number for number in sorted(several & rows.keys()) if series[number].quantity == name]
@@ -114,7 +118,7 @@ class Data:
             if series[number].condition in recorded:
                 part = Part(own, alone[own], series[number].quantity, self.noises[series[number].quantity])
                 by_condition["", "", series[number].condition].append(part)
-        forms = (everywhere, by_quantity, by_place, by_recording, by_condition, common, common_there)
+        forms = (everywhere, by_quantity, by_place, rough, by_recording, by_condition, common, common_there)
         self.forms = [form for form in forms if form]
         """Parts of the data in which something else may be, by where it then shows."""
 
@@ -206,10 +210,9 @@ class _Seen:
         directions = whitened @ vectors[:, kept] / np.sqrt(squares[kept])
         return cls(rows, directions, spread / (1.0 + spread), np.log1p(spread).sum(axis=1))
 
-    def change(self, whitened: np.ndarray) -> np.ndarray:
-        """Return by how much it changes the inner products of whitened vectors (M, m), by amplitude: (T, m, m)."""
-        along = self.directions.T @ whitened[self.rows]
-        return -np.array([(along.T * share) @ along for share in self.explained])
+    def along(self, whitened: np.ndarray) -> np.ndarray:
+        """Return the components of whitened vectors (M, m) along its directions: (k, m)."""
+        return self.directions.T @ whitened[self.rows]
 
 
 class Evidence:
@@ -266,38 +269,60 @@ class Evidence:
 
         prior: log prior of amplitudes (T,).
         """
-        possible = np.flatnonzero(np.isfinite(prior))
-        products, determinants = self._undisturbed
-        for part in parts:
-            changes = [one.change(own) for one, own in zip(part.seen, self._whitened[part.name], strict=True)]
-            found = [one.log_determinants[possible] for one in part.seen]
-            products = products + self._spread(part.name, np.array(changes)[:, possible])
-            determinants = determinants + self._spread(part.name, np.array(found))
-        evidence = _log_evidence(products, determinants)
-        return np.asarray(logsumexp(evidence + prior[possible], axis=-1) + self._data.log_priors - self._lacking)
+        possible, names = np.flatnonzero(np.isfinite(prior)), list(dict.fromkeys(part.name for part in parts))
+        axes, found = [self._data.names.index(name) for name in names], np.empty_like(self._data.log_priors)
+        for numbers in np.ndindex(*(found.shape[axis] for axis in axes)):
+            here = tuple(numbers[axes.index(k)] if k in axes else slice(None) for k in range(found.ndim))
+            noise = dict(zip(names, numbers, strict=True))
+            seen = [(part.seen[noise[part.name]], self._whitened[part.name][noise[part.name]]) for part in parts]
+            along = np.vstack([one.along(own) for one, own in seen])
+            explained = np.hstack([one.explained[possible] for one, _ in seen])
+            determinants = sum(one.log_determinants[possible] for one, _ in seen)
+            disturbed = self._base.disturbed(here, along, explained) - 0.5 * determinants
+            found[here] = logsumexp(disturbed + prior[possible], axis=-1)
+        return found + self._data.log_priors - self._lacking
 
     @cached_property
-    def _undisturbed(self) -> tuple[np.ndarray, np.ndarray]:
-        """Inner products (..., 1, m, m) and log determinants (..., 1) without an amplitude, by noises."""
-        products: np.ndarray | float = 0.0
-        determinants: np.ndarray | float = 0.0
-        for name, noises in self._data.noises.items():
-            products = products + self._spread(name, np.array([[own.T @ own] for own in self._whitened[name]]))
-            determinants = determinants + self._spread(name, np.array([[one.log_determinant] for one in noises]))
-        return np.asarray(products), np.asarray(determinants)
-
-    def _spread(self, name: str, own: np.ndarray) -> np.ndarray:
-        """Return numbers (noises, ...) of a quantity with an axis for the noises of each quantity."""
-        axes = [len(own) if one == name else 1 for one in self._data.names]
-        return own.reshape(*axes, *own.shape[1:])
+    def _base(self) -> "_Undisturbed":
+        """The model with no amplitude anywhere, under every combination of noises."""
+        products, determinants = np.zeros(()), np.zeros(())
+        for axis, (name, noises) in enumerate(self._data.noises.items()):
+            others = [1] * axis + [len(noises)] + [1] * (len(self._data.names) - axis - 1)
+            own = np.array([whitened.T @ whitened for whitened in self._whitened[name]])
+            products = products + own.reshape(*others, *own.shape[1:])
+            determinants = determinants + np.reshape([one.log_determinant for one in noises], others)
+        return _Undisturbed(products, determinants)
 
 
-def _log_evidence(products: np.ndarray, determinants: np.ndarray) -> np.ndarray:
-    """Return the log evidence, parameters of standard normal prior integrated out.
+class _Undisturbed:
+    """Inner products M (..., m, m) of sensitivities and, last, residual, with the prior's precision, and C's log det.
 
-    The last pivot of a Cholesky factorisation is what the parameters leave of the residual.
+    The parameters, of standard normal prior, are integrated out: the last pivot of M is what they leave of the
+    residual. An amplitude along directions with components B (k, m) turns M into M - B'EB, E = diag(explained).
     """
-    prior = np.eye(products.shape[-1])
-    prior[-1, -1] = 0.0
-    pivots = np.diagonal(np.linalg.cholesky(products + prior), axis1=-2, axis2=-1)
-    return -0.5 * (2.0 * np.log(pivots[..., :-1]).sum(axis=-1) + determinants + pivots[..., -1] ** 2)
+
+    def __init__(self, products: np.ndarray, log_determinants: np.ndarray):
+        prior = np.eye(products.shape[-1])
+        prior[-1, -1] = 0.0
+        self.products, self.log_determinants = products + prior, log_determinants
+        self.factor = np.linalg.cholesky(self.products)
+        self.inverse = np.linalg.inv(self.factor)
+
+    def disturbed(self, here: tuple, along: np.ndarray, explained: np.ndarray) -> np.ndarray:
+        """Return the log evidence (..., T) under some noises, with shares (T, k) explained along directions (k, m)."""
+        pivots = np.diagonal(self.factor[here], axis1=-2, axis2=-1)[..., None, :]
+        shares, more, kept = np.sqrt(explained), 0.0, 1.0
+        if len(along) > len(along.T):
+            changed = self.products[here][..., None, :, :] - np.array(
+                [(along.T * share) @ along for share in explained]
+            )
+            pivots = np.diagonal(np.linalg.cholesky(changed), axis1=-2, axis2=-1)
+        else:
+            # By the matrix determinant lemma, for M and for its part without the residual.
+            parts = (self.inverse[here] @ along.T)[..., None, :, :] * shares[:, None, :]
+            inner = np.swapaxes(parts[..., :-1, :], -1, -2) @ parts[..., :-1, :]
+            factor = np.linalg.cholesky(np.eye(len(along)) - inner)
+            more = np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
+            kept = 1.0 - np.sum(np.linalg.solve(factor, parts[..., -1, :, None])[..., 0] ** 2, axis=-1)
+        logs = np.log(pivots[..., :-1]).sum(axis=-1) + more
+        return -0.5 * (2.0 * logs + self.log_determinants[here][..., None] + kept * pivots[..., -1] ** 2)

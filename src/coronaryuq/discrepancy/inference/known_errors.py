@@ -5,19 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from coronaryuq.core.seeds import generator
+from coronaryuq.core.shrinkage import fresh_draw
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.forward.instruments import Instruments
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.unresolved import sampled
-from coronaryuq.discrepancy.inference.drawn_errors import OWN, described, left_by_others
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
-from coronaryuq.discrepancy.inference.time_step_error import FINER, Sized, TimeSteps, time_steps, variation
+from coronaryuq.discrepancy.inference.time_step_error import FINER, Sized, TimeSteps, oscillates, time_steps
 from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors
 
-OSCILLATES = 3.0
-"""Difference between points in their time-step error, in noise standard deviations, from which on the model oscillates
-in a way that the steps do not resolve, and that depends on the vessels' values nonlinearly."""
-DRAWS = 48
+DRAWS = 128
 """Draws of the nuisance parameters and of the vessels' errors then."""
 
 
@@ -62,11 +59,6 @@ def known_errors(runs: ErrorRuns, noise: np.ndarray) -> KnownErrors:
     return KnownErrors(steps, others, *linear.shapes(noise))
 
 
-def oscillates(runs: ErrorRuns, noise: np.ndarray) -> bool:
-    """Whether the model oscillates faster than its time steps resolve."""
-    return variation(runs, noise) > OSCILLATES
-
-
 def unresolved(runs: ErrorRuns, noise: np.ndarray, about: Sized, chain: Instruments) -> TimeSteps | None:
     """Compare short steps and other vessels with the model, at draws of the prior of everything.
 
@@ -87,7 +79,7 @@ def unresolved(runs: ErrorRuns, noise: np.ndarray, about: Sized, chain: Instrume
     Returns
     -------
     TimeSteps or None
-        Always with the same number of shapes, of which the last may be zero; None if the model runs at few draws.
+        Always with `DRAWS` shapes, of which the last may be zero; None if the model runs at few draws.
     """
     random, forward = generator(0, "discrepancy", "time steps and vessels"), runs.forward
     common, same = random.standard_normal((DRAWS, len(forward.nuisances))), np.tile(about[1], (DRAWS, 1))
@@ -100,9 +92,6 @@ def unresolved(runs: ErrorRuns, noise: np.ndarray, about: Sized, chain: Instrume
     change = change[np.isfinite(change).all(axis=1)]
     if len(change) < DRAWS // 2:
         return None
-    most = DRAWS + sum(min(OWN, series.value.size - 1) for series in forward.measured)
-    mean, shapes = change.mean(axis=0), np.zeros((most, forward.size))
-    of_series, sd = described(forward, (), left_by_others(change / noise))
-    found = np.vstack([(change - mean) / np.sqrt(len(change) - 1), noise * of_series])
-    shapes[: len(found)] = found
-    return TimeSteps(mean, shapes, noise * sd, about)
+    mean, shapes, sd = fresh_draw(change / noise)
+    missing = np.zeros((DRAWS - len(change), forward.size))
+    return TimeSteps(noise * mean, noise * np.vstack([shapes, missing]), noise * sd, about)

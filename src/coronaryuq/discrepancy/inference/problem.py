@@ -17,9 +17,9 @@ from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 from coronaryuq.discrepancy.inference.evidence import Data, PossibleNoise
 from coronaryuq.discrepancy.inference.flexible import Flexible
 from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
-from coronaryuq.discrepancy.inference.known_errors import OSCILLATES, unresolved
+from coronaryuq.discrepancy.inference.known_errors import unresolved
 from coronaryuq.discrepancy.inference.pullback_errors import independent_sd
-from coronaryuq.discrepancy.inference.time_step_error import FINER, Sized, TimeSteps
+from coronaryuq.discrepancy.inference.time_step_error import FINER, OSCILLATES, Sized, TimeSteps
 from coronaryuq.discrepancy.settings import Settings
 
 OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
@@ -47,6 +47,9 @@ class Problem:
         Rows to be fitted: (N,), bool.
     owner, condition
         Number of the measured series of each row, and its condition: (N,).
+    widened
+        Log of the ratio in which the errors of time steps widen the standard deviations, where they differ between
+        hypotheses, and zero elsewhere: (N,).
     count
         Number of nuisance parameters.
     time_steps
@@ -72,9 +75,10 @@ class Problem:
         self.y = np.concatenate([s.value for s in series])
         floor = [np.full(s.value.size, self.settings.model_floor * np.abs(s.value).max()) for s in series]
         self.sd = np.hypot(np.concatenate([independent_sd(s) for s in series]), np.concatenate(floor))
-        self.change = np.zeros(len(self.y))
+        self.change, self.widened = np.zeros(len(self.y)), np.zeros(len(self.y))
         if self.time_steps is not None:
-            self.sd, self.change = np.hypot(self.sd, self.time_steps.sd), self.time_steps.change
+            alone, self.sd = self.sd, np.hypot(self.sd, self.time_steps.sd)
+            self.change, self.widened = self.time_steps.change, np.log(self.sd / alone) * self.unresolved
         self.owner = np.repeat(np.arange(len(series)), [s.value.size for s in series])
         self.condition = np.array([s.condition for s in series])[self.owner]
         self.count = len(self.forward.nuisances)
@@ -226,11 +230,9 @@ class Problem:
     def _unresolved_at(self, steps: TimeSteps, about: Sized, z: np.ndarray, hypothesis: Hypothesis) -> TimeSteps:
         """Return the error that no steps tell, with other effects on the network if these have changed it."""
         point, effects = hypothesis.without_measurement_errors(z)
-        if effects or about[0]:
-            before = np.append(effects.nuisances(point), about[1]), about[0]
-            (moved,) = np.diff(self.time_step_change([before, (point, effects)]), axis=0)
-            if np.linalg.norm(moved / self.sd) > OSCILLATES:
-                about = effects, effects.all_sizes(point)
+        before, change = (np.append(effects.nuisances(point), about[1]), about[0]), self.time_step_change
+        if not effects or np.linalg.norm(np.diff(change([before, (point, effects)]), axis=0) / self.sd) > OSCILLATES:
+            about = effects, effects.all_sizes(point)
         # It is an error of the waveforms, which instruments read with them.
         chain, noise = instruments(hypothesis, hypothesis.physical_sizes(z)), np.sqrt(self.sd**2 - steps.sd**2)
         return unresolved(self.error_runs(), noise, about, chain) or steps

@@ -18,11 +18,12 @@ from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.evidence import PossibleNoise
-from coronaryuq.discrepancy.inference.known_errors import OSCILLATES, known_errors
+from coronaryuq.discrepancy.inference.known_errors import known_errors
 from coronaryuq.discrepancy.inference.noise import Estimate, Noise, white_and_correlated
 from coronaryuq.discrepancy.inference.outliers import Outlier, samples_of
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.pullback_errors import pullback_errors
+from coronaryuq.discrepancy.inference.time_step_error import OSCILLATES
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.pullback import OF_WIRE

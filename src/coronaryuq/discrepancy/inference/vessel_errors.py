@@ -14,10 +14,11 @@ import numpy as np
 
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, present
 from coronaryuq.discrepancy.forward.predict import Forward
-from coronaryuq.discrepancy.inference.drawn_errors import SHAPED
 
 SD_RESISTANCE, SD_COMPLIANCE = 0.08, 0.12
 """Standard deviations of the logs: 0.08 is that of a radius by 2 %, in the resistance of Poiseuille's law."""
+SHAPED = 0.3
+"""Length, in noise standard deviations, above which an error is a separate shape, or not linear."""
 ELEMENTS = (
     ("resistance", "R_poiseuille", SD_RESISTANCE),
     ("inertance", "L", SD_RESISTANCE),
