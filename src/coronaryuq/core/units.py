@@ -89,6 +89,13 @@ def _spelt(part: str) -> str:
     return amount + SPELLINGS.get(name, SPELLINGS.get(name.removesuffix("s"), name))
 
 
+def pressure_factor(unit: str, pressure: float) -> float:
+    """Return dyn/cm2 per unit of pressure; "auto" means mmHg if an arterial pressure is below 1000."""
+    if unit == "auto":
+        return MMHG if abs(pressure) < 1000.0 else 1.0
+    return PRESSURES[unit]
+
+
 def perfusions(tissue_density: float = TISSUE_DENSITY) -> dict[str, float]:
     """Return the factor from each unit of myocardial blood flow to mL/s/g.
 

@@ -72,13 +72,8 @@ class Settings(BaseModel):
         description="Search a table model: a table of simulated and a table of measured outputs, joined on the column "
         "`sample`.",
     )
-    recordings: str | None = Field(
-        None,
-        description="Folder of recordings `ANIMAL_CONDITION.csv`: flow in one artery driven by measured pressures.",
-    )
-    animals: list[str] = Field(
-        default_factory=list, description="Animals of `recordings`; each is searched separately."
-    )
+    recordings: str | None = Field(None, description="Folder of `ANIMAL_CONDITION.csv`: flow driven by pressures.")
+    animals: list[str] = Field(default_factory=list, description="Animals of `recordings`, each searched by itself.")
     held_out: list[str] | None = Field(
         None,
         description="Conditions of `recordings` held out of every fit; if omitted, those whose names end in `dob...`.",
@@ -114,18 +109,14 @@ class Settings(BaseModel):
         "considers other scales and correlation times, by the scatter of the waveforms.",
     )
     alarm_level: float = Field(0.01, gt=0, lt=1, description="Significance level of the global test.")
-    false_discovery_rate: float = Field(
-        0.05, gt=0, lt=1, description="False discovery rate of the list of located misfits."
-    )
+    false_discovery_rate: float = Field(0.05, gt=0, lt=1, description="False discovery rate of located misfits.")
     model_floor: float = Field(
         0.003,
         ge=0,
         description="Numerical error of the model as a fraction of each series' largest value, added to its standard "
         "deviation.",
     )
-    shortlist: int = Field(
-        10, ge=1, description="Candidates fitted in full per round, chosen by a score test of all candidates."
-    )
+    shortlist: int = Field(10, ge=1, description="Candidates fitted in full per round, chosen by score tests of all.")
     max_effects: int = Field(3, ge=0, description="Maximum number of effects that may be added.")
     min_log_odds: float = Field(
         3.0,
@@ -139,12 +130,8 @@ class Settings(BaseModel):
     steps_per_cycle: int = Field(300, ge=50, description="Time steps per cardiac cycle of the 0D runs.")
     threads: int = Field(1, ge=1, description="Threads of the 0D solver.")
     sd_bed: float = Field(0.15, gt=0, description="Prior sd of the log resistance of each bed.")
-    sd_coronary: float = Field(
-        0.25, gt=0, description="Prior sd of the log of a common factor on the resistance of all coronary beds."
-    )
-    sd_compliance: float = Field(
-        0.25, gt=0, description="Prior sd of the log of a common factor on the compliance of all coronary beds."
-    )
+    sd_coronary: float = Field(0.25, gt=0, description="Prior sd of the log resistance of all coronary beds together.")
+    sd_compliance: float = Field(0.25, gt=0, description="Prior sd of the log compliance of all beds together.")
     sd_bed_compliance: float = Field(0.15, gt=0, description="Prior sd of the log compliance of each bed.")
     sd_bed_shape: float = Field(
         0.5,
@@ -158,19 +145,16 @@ class Settings(BaseModel):
         description="Prior sd of the log loss coefficient of a stenosis listed under `stenosis`, about the value that "
         "`set` gives it.",
     )
-    sd_systemic: float = Field(
-        0.2, gt=0, description="Prior sd of the log systemic resistance and of the log systemic compliance."
-    )
+    sd_systemic: float = Field(0.2, gt=0, description="Prior sd of the log systemic resistance and compliance.")
     sd_heart: float = Field(0.15, gt=0, description="Prior sd of the log left ventricular elastance.")
+    sd_blood: float = Field(0.1, gt=0, description="Prior sd of the log stressed blood volume of a closed loop.")
     sd_condition: float = Field(
         0.1,
         gt=0,
         description="Prior sd of the log coronary resistance of a condition, and of other factors by which it scales "
         "blocks, about the values given in the conditions file.",
     )
-    sd_free: float = Field(
-        1.0, gt=0, description="Prior sd of the log coronary resistance of a condition that lists it under `free`."
-    )
+    sd_free: float = Field(1.0, gt=0, description="Prior sd of the log coronary resistance where a condition frees it.")
 
     @model_validator(mode="after")
     def _check_inputs(self) -> "Settings":

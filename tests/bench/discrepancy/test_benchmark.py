@@ -32,7 +32,7 @@ def tried(monkeypatch):
 
 def test_a_case_that_the_search_refuses_as_mistyped_is_skipped_with_the_reason():
     """A coronary flow probe reads the aorta's flow, fifty times as large."""
-    misplaced = Case(("misplaced_flow",), "medium", "nominal", 20005)
+    misplaced = Case(("misplaced_flow",), "medium", "nominal", 20010)
     found = trial(misplaced, closed_loop(loop()), NATURE)
     assert found is not None and found["skipped"] and "ratio to the largest simulated value" in found["refused"]
 

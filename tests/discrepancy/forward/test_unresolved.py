@@ -32,7 +32,7 @@ def test_samples_of_the_waveforms_are_the_predictions(forward, effects):
     """To the tolerance of a run, for each starts from the states known at its time."""
     hypothesis = assume(*effects) if effects else Hypothesis()
     sizes = 0.5 * np.ones(len(hypothesis.parameters))
-    points = np.array([np.append(z * np.ones(len(forward.nuisances)), sizes) for z in (0.0, 0.3)])
+    points = np.array([np.append(z * np.ones(len(forward.nuisances)), sizes) for z in (0.0, 0.2)])
     chain = instruments(hypothesis, hypothesis.physical_sizes(points[0]))
     separate = [hypothesis.without_measurement_errors(z) for z in points]
     on_network, (_, network) = np.array([z for z, _ in separate]), separate[0]

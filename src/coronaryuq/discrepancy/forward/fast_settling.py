@@ -38,7 +38,6 @@ class FastSettling:
             return None
         which = np.array([conditions.index(job.condition) for job in jobs])
         volume = BloodVolume(prepared.engine.model)
-        numbers = {name: value for name, value in changes.items() if np.ndim(value) == 1}
 
         def ahead(who: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
             state = end.copy()
@@ -46,7 +45,7 @@ class FastSettling:
                 rows = which[who] == number
                 if mode is not None and rows.any():
                     state[rows] = mode.extrapolate(start[rows], end[rows])
-            values = {name: value[who] for name, value in numbers.items()}
+            values = {name: value[who] for name, value in changes.items()}
             return volume.with_blood_added(state, volume.evaluate(end, values) - volume.evaluate(state, values))
 
         return ahead

@@ -7,13 +7,14 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
+from coronaryuq.discrepancy.forward.nuisance import BLOOD
 from coronaryuq.discrepancy.forward.warm_starts import Point, Structure
 from coronaryuq.zerod.network.differences import LOSS, differences, scalars
 from coronaryuq.zerod.network.waveforms import WAVE_POINTS, resampled, sampled
 from coronaryuq.zerod.solver.engine import Engine
 
 Scaled = dict[str, list[int]]
-""" "BLOCK.parameter" → numbers of the factors that multiply its value, in that order."""
+""" "BLOCK.parameter", or `BLOOD`, → numbers of the factors that multiply its value, in that order."""
 
 
 class Prepared:
@@ -21,8 +22,7 @@ class Prepared:
 
     networks, values: the network under each condition and its numbers, "BLOCK.parameter" → value.
     changes: solver parameters of each condition that differ from the engine's network. start: periodic state
-    (unknowns,) of each condition without effects, where every sample starts, so that all runs of a closed loop have
-    the blood volume of the unmodified model.
+    (unknowns,) of each condition without effects, where every sample starts.
     """
 
     def __init__(self, networks: dict[str, Network], renamed: dict[str, str]):
@@ -70,10 +70,15 @@ class Job:
         effects = ((name, np.asarray(value).tobytes()) for name, value in self.effects.items())
         return self.condition, self.factors.tobytes(), *effects
 
+    @property
+    def blood(self) -> float:
+        """Factor on the blood volume of a closed loop."""
+        return float(np.prod(self.factors[self.scaled.get(BLOOD, [])]))
+
     def table(self, prepared: Prepared) -> dict[str, np.ndarray | float]:
         """Return all changes of the run, "BLOCK.parameter" → value."""
         values = dict(self.effects)
-        for name, numbers in self.scaled.items():
+        for name, numbers in _of_network(self.scaled).items():
             own = prepared.own(self.condition, name)
             value = values.get(name, own)
             added = value - own if _adds(name) else 0.0
@@ -111,7 +116,7 @@ def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
     by_condition: dict[str, list[int]] = {}
     for number, job in enumerate(jobs):
         by_condition.setdefault(job.condition, []).append(number)
-    scaled = {condition: jobs[numbers[0]].scaled for condition, numbers in by_condition.items()}
+    scaled = {condition: _of_network(jobs[numbers[0]].scaled) for condition, numbers in by_condition.items()}
     names = dict.fromkeys(
         name for condition in by_condition for name in (*prepared.changes[condition], *scaled[condition])
     )
@@ -131,6 +136,11 @@ def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
                 values[name][numbers] *= factors[:, column]
             values[name][numbers] += added
     return values
+
+
+def _of_network(scaled: Scaled) -> Scaled:
+    """Return the values of the network's elements, of those that recalibration multiplies."""
+    return {name: numbers for name, numbers in scaled.items() if name != BLOOD}
 
 
 def _adds(name: str) -> bool:

@@ -15,18 +15,20 @@ from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.network.differences import LOSS
 
 SD_MASS = 1.0
+BLOOD = "blood volume"
+"""Target of a factor on the stressed blood volume of a closed loop, which is part of no element."""
 KNOWN = 1.0
 """Ratio of a perfusion to its standard deviation above which it may determine a tissue mass."""
 
 
 @dataclass(frozen=True)
 class Nuisance:
-    """A factor exp(sd z), z standard normal, on `targets` ("BLOCK.parameter") in some conditions, or in all (None).
+    """A factor exp(sd z), z standard normal, on `targets` in some conditions, or in all (None).
 
-    mass: territory whose tissue mass the factor scales instead, as perfusion is flow over mass. shape: row of
-    `Forward.shapes` that is added to predictions, times z, instead. noise: whether that row is noise of the
-    measurements. elements: what that row stands for in the network, ("BLOCK.parameter", change of its log by z = 1).
-    several: whether data may have several optima in it, where its effect is not linear.
+    targets: "BLOCK.parameter", or `BLOOD`. mass: territory whose tissue mass the factor scales instead, as perfusion is
+    flow over mass. shape: row of `Forward.shapes` that is added to predictions, times z, instead. noise: whether that
+    row is noise of the measurements. elements: what that row stands for in the network, ("BLOCK.parameter", change of
+    its log by z = 1). several: whether data may have several optima in it, where its effect is not linear.
     """
 
     name: str
@@ -69,10 +71,11 @@ def nuisances(
 ) -> list[Nuisance]:
     """Return the nuisance parameters of a network and its measurements.
 
-    Resistance and compliance of all coronary beds together and of each; systemic resistance, systemic compliance and
-    left ventricular elastance in closed loops; a factor for every measured condition except the first, as its coronary
-    state is never known exactly, and for every block that a condition scales; the tissue mass of each territory with
-    measured perfusion; the shape of the beds if a condition lists it as free; and each stenosis that conditions list.
+    Resistance and compliance of all coronary beds together and of each; systemic resistance, systemic compliance, left
+    ventricular elastance and blood volume in closed loops; a factor for every measured condition except the first, as
+    its coronary state is never known exactly, and for every block that a condition scales; the tissue mass of each
+    territory with measured perfusion; the shape of the beds if a condition lists it as free; and each stenosis that
+    conditions list.
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)
@@ -98,6 +101,7 @@ def nuisances(
             found.append(Nuisance("systemic compliance", settings.sd_systemic, stores))
     if anatomy.closed_loop:
         found.append(Nuisance("left ventricular elastance", settings.sd_heart, ("CLH.Elv_s",)))
+        found.append(Nuisance(BLOOD, settings.sd_blood, (BLOOD,)))
     dilating = tuple(f"{bed}.{name}" for bed in beds for name in arteriolar(network, bed))
     used = [name for name in conditions if any(series.condition == name for series in measured)]
     for name in used:

@@ -8,7 +8,6 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
-from coronaryuq.core import units
 from coronaryuq.core.interpolation import interpolated
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
@@ -17,7 +16,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedE
 from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, delays, instruments, places_read, run_key
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
-from coronaryuq.discrepancy.forward.nuisance import Nuisance
+from coronaryuq.discrepancy.forward.nuisance import BLOOD, Nuisance
 from coronaryuq.discrepancy.forward.pullbacks import REDUCE, Extents, extents, pressures, read
 from coronaryuq.discrepancy.forward.simulation import Simulation
 from coronaryuq.discrepancy.forward.warm_starts import Point
@@ -286,6 +285,16 @@ class Forward:
 
         Effects with feedback use the pressures to which the model converges.
         """
+        prepared, job = self._job(name, z, hypothesis)
+        return job.table(prepared), prepared.networks[name]
+
+    def initial_state(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> dict[str, float]:
+        """Return unknown → value where a run at a point z (p,) under a condition starts; empty if unknown."""
+        prepared, job = self._job(name, z, hypothesis)
+        states = self.simulation.own_starts(prepared, [job])
+        return {} if states is None else dict(zip(prepared.engine.unknowns, states[0].tolist(), strict=False))
+
+    def _job(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[Prepared, Job]:
         prepared = self.simulation.prepared(hypothesis)
         sizes, point = hypothesis.physical_sizes(z), self.point(z, hypothesis)
         each, scaled = self.factors(prepared, name, hypothesis.nuisances(z)[None, :])
@@ -302,7 +311,7 @@ class Forward:
             computation = self.simulation.waveforms(prepared, [job()], names)
             (waves,) = run_in_lockstep([computation], self.simulation.threads)
             left = feedback.unsettled(left, np.array([[waves[n][0, :-1].mean() for n in names]]))
-        return job().table(prepared), prepared.networks[name]
+        return prepared, job()
 
     def effect_values(
         self, prepared: Prepared, name: str, hypothesis: Hypothesis, sizes: Sizes, bed_pressure: dict[str, float]
@@ -338,7 +347,7 @@ class Forward:
             if nuisance.targets and name in (nuisance.conditions or (name,)):
                 for key in nuisance.targets:
                     # CORONARY_VAR_RES has two Ra2 where CORONARY has one.
-                    for target in (key,) if key in own else (f"{key}_min", f"{key}_max"):
+                    for target in (key,) if key in own or key == BLOOD else (f"{key}_min", f"{key}_max"):
                         scaled.setdefault(target, []).append(len(used))
                 used.append(nuisance.factor(z[:, column]))
         return np.array(used).reshape(-1, len(z)).T.copy(), scaled
@@ -386,10 +395,3 @@ class Forward:
     def _mass(self, territory: str, z: np.ndarray) -> np.ndarray:
         column = next(i for i, nuisance in enumerate(self.nuisances) if nuisance.mass == territory)
         return self.masses[territory] * self.nuisances[column].factor(z[:, column])
-
-
-def pressure_factor(unit: str, root_pressure: float) -> float:
-    """Return dyn/cm2 per pressure unit of the network; "auto" means mmHg if the mean root pressure is below 1000."""
-    if unit == "auto":
-        return units.MMHG if abs(root_pressure) < 1000.0 else 1.0
-    return units.PRESSURES[unit]

@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.forward.lockstep import Computation, Run
 from coronaryuq.discrepancy.forward.warm_starts import Point, WarmStarts
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import renamed_again
+from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.carry_over import carry_over
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
@@ -126,11 +127,25 @@ class Simulation:
         found = yield from self._run_each(prepared, [jobs[seats.index(k)] for k in range(len(seat))], names)
         return {name: waves[seats] for name, waves in found.items()}
 
+    def own_starts(self, prepared: Prepared, jobs: list[Job]) -> np.ndarray | None:
+        """Return the states (n, unknowns) of the unmodified model with the blood of each run; None if it does not run.
+
+        A closed loop conserves the blood volume that it starts with: that of the unmodified model's state under the
+        condition, with the parameters of the run, times its factor.
+        """
+        states = [prepared.start[job.condition] for job in jobs]
+        if any(state is None for state in states):
+            return None
+        own, factors = np.array(states), np.array([job.blood for job in jobs])
+        if np.all(factors == 1.0):
+            return own
+        volume = BloodVolume(prepared.engine.model)
+        return volume.with_blood_added(own, (factors - 1.0) * volume.evaluate(own, stack(prepared, jobs)))
+
     def _run_each(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Computation[dict[str, np.ndarray]]:
         self.runs += len(jobs)
         found = {name: np.full((len(jobs), self.steps_per_cycle + 1), np.nan) for name in names}
-        starts = [prepared.start[job.condition] for job in jobs]
-        own = None if any(state is None for state in starts) else np.array(starts)
+        own = self.own_starts(prepared, jobs)
         for numbers in batches(prepared, jobs):
             changes, left = stack(prepared, [jobs[i] for i in numbers]), np.array(numbers)
             start, ahead = (None if own is None else own[left]), None

@@ -88,8 +88,7 @@ class KnownStates:
 class WarmStarts:
     """Periodic states (unknowns,) of earlier runs, by condition.
 
-    A closed loop conserves the blood volume that it starts with. The volume of a sample is that of the unmodified
-    model's state under the condition, with the parameters of the sample; another state is adjusted to that volume.
+    A closed loop conserves the blood volume that it starts with; the nearest state is adjusted to that of the sample.
     """
 
     def __init__(self) -> None:
@@ -112,7 +111,7 @@ class WarmStarts:
     ) -> np.ndarray:
         """Return the initial states (n, unknowns) of runs at points, each under a condition.
 
-        own: (n, unknowns), initial states of the unmodified model. changes: solver parameters of the runs.
+        own: (n, unknowns), see `Simulation.own_starts`. changes: solver parameters of the runs.
         """
         carried: dict[tuple[str, int], np.ndarray] = {}
         found = own.copy()
@@ -134,8 +133,8 @@ class WarmStarts:
         if moved:
             volume = BloodVolume(structure.engine.model)
             numbers = np.array(moved)
-            scalars = {name: value[numbers] for name, value in changes.items() if np.ndim(value) == 1}
-            missing = volume.evaluate(own[numbers], scalars) - volume.evaluate(found[numbers], scalars)
+            mine = {name: value[numbers] for name, value in changes.items()}
+            missing = volume.evaluate(own[numbers], mine) - volume.evaluate(found[numbers], mine)
             found[numbers] = volume.with_blood_added(found[numbers], missing)
         return found
 

@@ -74,6 +74,7 @@ class Nature:
             "compliance of all beds": times * prior.sd_compliance,
             "systemic": times * prior.sd_systemic,
             "heart": times * prior.sd_heart,
+            "blood volume": times * prior.sd_blood,
             "states": self.states,
             "tissue masses": MASS_SPREAD,
         }

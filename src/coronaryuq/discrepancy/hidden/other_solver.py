@@ -44,7 +44,7 @@ class SvZeroDSimulation(Simulation):
         """Return waveforms name → (jobs, steps + 1), as `Simulation.waveforms` does."""
         self.runs += len(jobs)
         networks = [with_changes(prepared.networks[job.condition], job.table(prepared)) for job in jobs]
-        keys = [self._key(network, names) for network in networks]
+        keys = [self._key(network, job.blood, names) for network, job in zip(networks, jobs, strict=True)]
         missing = [number for number, key in enumerate(keys) if key not in self._kept]
         if len(self._kept) + len(missing) > MOST_KEPT:
             self._kept.clear()
@@ -68,14 +68,13 @@ class SvZeroDSimulation(Simulation):
 
     def _periodic_states(self, prepared: Prepared, jobs: list[Job]) -> list[Waves | None]:
         """Return the initial state of each run of a closed loop, unknown → value and rate, nearly periodic."""
-        starts = [prepared.start[job.condition] for job in jobs]
-        if not jobs or not self.anatomy.closed_loop or any(start is None for start in starts):
+        if not jobs or not self.anatomy.closed_loop or (starts := self.own_starts(prepared, jobs)) is None:
             return [None] * len(jobs)
         settled = prepared.engine.run_to_periodic(
             stack(prepared, jobs),
             periodicity=Periodicity(TOLERANCE, MOST_CYCLES, PATIENCE),
             steps_per_cycle=self.steps_per_cycle,
-            start=np.array(starts),
+            start=starts,
         )
         unknowns = prepared.engine.unknowns
         return [
@@ -107,5 +106,5 @@ class SvZeroDSimulation(Simulation):
                 return waves
         return None
 
-    def _key(self, network: Network, names: list[str]) -> str:
-        return provenance.digest([json.dumps(network), sorted(names), self.steps_per_cycle])
+    def _key(self, network: Network, blood: float, names: list[str]) -> str:
+        return provenance.digest([json.dumps(network), blood, sorted(names), self.steps_per_cycle])

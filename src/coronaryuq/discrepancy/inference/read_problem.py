@@ -14,7 +14,7 @@ from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, held_out_names
 from coronaryuq.discrepancy.data.measurements import AORTIC, Measured, measured_conditions, read_measurements
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances, tissue_mass
-from coronaryuq.discrepancy.forward.predict import Forward, pressure_factor
+from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.evidence import PossibleNoise
@@ -344,7 +344,7 @@ def make_problem(
         Simulation(network, conditions, anatomy, settings.steps_per_cycle, settings.threads),
         measured,
         parameters,
-        pressure_factor(settings.pressure_unit, values[root]),
+        units.pressure_factor(settings.pressure_unit, values[root]),
         {series.condition: series.period for series in measured},
         {bed: values[name] for bed, name in at_beds.items()},
     )

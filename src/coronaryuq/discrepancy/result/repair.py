@@ -52,6 +52,10 @@ def repaired_network(forward: Forward, hypothesis: Hypothesis, z: np.ndarray) ->
     table, structure = alone.condition_changes(plain.name, z, hypothesis)
     network = with_changes(structure, {**table, **_by_vessels(forward, z, scalars(structure) | table)})
     network = network.deep_copy()
+    if forward.anatomy.closed_loop and (state := alone.initial_state(plain.name, z, hypothesis)):
+        # Only an initial state can give a closed loop the blood volume of the fit.
+        network["initial_condition"] = state
+        network["simulation_parameters"]["steady_initial"] = False
     for name, (start, end) in extents(hypothesis, hypothesis.physical_sizes(z), forward.anatomy).items():
         network.vessel(name)["placed_in"] = {"start": start, "end": end}
     return network

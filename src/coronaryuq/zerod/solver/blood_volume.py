@@ -20,8 +20,11 @@ class BloodVolume:
         self.model = model
 
     def evaluate(self, state: np.ndarray, changes: Mapping[str, np.ndarray | float] | None = None) -> np.ndarray:
-        """Return the volume (n,) of states (n, unknowns) with `"BLOCK.parameter"` changes (n,) or scalar."""
-        changes = changes or {}
+        """Return the volume (n,) of states (n, unknowns) with `"BLOCK.parameter"` changes (n,) or scalar.
+
+        Changed waveforms (n, points) store no blood.
+        """
+        changes = {name: value for name, value in (changes or {}).items() if np.ndim(value) < 2}
         total = np.zeros(len(state))
         for block in self.model.blocks.values():
             holds = _HOLDS.get(block.kind)
