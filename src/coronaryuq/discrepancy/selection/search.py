@@ -368,8 +368,9 @@ def evidence_p_value(problem: Problem, fit: Fit, hypothesis: Hypothesis, candida
     """
     likeliest = best_of_effects(sorted(candidates, key=lambda c: -c.promise), RULE.likeliest_effects)
     fitted = [c for c in fit_each(problem, hypothesis, likeliest, fit) if c.fit is not None]
-    # Where the loop oscillates, drawing the errors again takes as long as all else.
-    worth = [c for c in fitted if c.fitted.evidence > fit.evidence or not problem.unresolved]
+    # Where the loop oscillates, drawing the errors again takes as long as all else; the likeliest outweighs the others.
+    best = max([fit.evidence, *(c.fitted.evidence for c in fitted)])
+    worth = [c for c in fitted if fit.evidence < c.fitted.evidence == best or not problem.unresolved]
     fitted = updated(fitted, with_own_time_steps(problem, hypothesis, worth))
     shares = [np.exp(c.log_prior) / RULE.prior_named for c in fitted]
     factors = [np.exp(min(c.fitted.evidence - fit.evidence, LARGEST_LOG)) for c in fitted]
