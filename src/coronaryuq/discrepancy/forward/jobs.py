@@ -139,7 +139,7 @@ def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
 
 
 def _of_network(scaled: Scaled) -> Scaled:
-    """Return the values of the network's elements, of those that recalibration multiplies."""
+    """Return the values that recalibration multiplies, without the blood volume, which is no element's."""
     return {name: numbers for name, numbers in scaled.items() if name != BLOOD}
 
 

@@ -128,10 +128,10 @@ class Simulation:
         return {name: waves[seats] for name, waves in found.items()}
 
     def own_starts(self, prepared: Prepared, jobs: list[Job]) -> np.ndarray | None:
-        """Return the states (n, unknowns) of the unmodified model with the blood of each run; None if it does not run.
+        """Return where each run starts: the unmodified model's state with the run's blood; None if that does not run.
 
         A closed loop conserves the blood volume that it starts with: that of the unmodified model's state under the
-        condition, with the parameters of the run, times its factor.
+        condition, with the parameters of the run, times its factor. Shape (n, unknowns).
         """
         states = [prepared.start[job.condition] for job in jobs]
         if any(state is None for state in states):
