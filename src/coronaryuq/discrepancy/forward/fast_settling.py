@@ -5,11 +5,11 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, stack
-from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.carry_over import carry_over
 from coronaryuq.zerod.solver.periodic import Extrapolate
 from coronaryuq.zerod.solver.slow_modes import SlowModes, slow_modes
+from coronaryuq.zerod.solver.warm_starts import Point
 
 MOST_STEPS = 300
 """Time steps per cycle for slow modes, which do not depend on finer steps."""

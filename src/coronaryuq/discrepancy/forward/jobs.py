@@ -8,10 +8,10 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
 from coronaryuq.discrepancy.forward.nuisance import BLOOD
-from coronaryuq.discrepancy.forward.warm_starts import Point, Structure
 from coronaryuq.zerod.network.differences import LOSS, differences, scalars
 from coronaryuq.zerod.network.waveforms import WAVE_POINTS, resampled, sampled
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.warm_starts import Point, Structure
 
 Scaled = dict[str, list[int]]
 """ "BLOCK.parameter", or `BLOOD`, → numbers of the factors that multiply its value, in that order."""

@@ -19,13 +19,13 @@ from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
 from coronaryuq.discrepancy.forward.nuisance import BLOOD, Nuisance
 from coronaryuq.discrepancy.forward.pullbacks import REDUCE, Extents, extents, pressures, read
 from coronaryuq.discrepancy.forward.simulation import Simulation
-from coronaryuq.discrepancy.forward.warm_starts import Point
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.grafting import into_bed
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.output_names import inner_unknowns
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.warm_starts import Point
 
 Row = tuple[np.ndarray, Hypothesis]
 """A point z (p,) with its hypothesis."""

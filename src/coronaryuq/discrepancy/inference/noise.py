@@ -6,15 +6,14 @@ the first harmonics of the cycle.
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
-from scipy import stats
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
+from coronaryuq.core.chi_squared import mean_of_smaller
+from coronaryuq.core.correlated_noise import white_and_shapes
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.inference.correlated_noise import white_and_shapes
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import phases
 
@@ -33,6 +32,8 @@ OF_VALUES = {1.0: AS_STATED, 1.5: 0.24, 2.25: 0.16}
 their prior probabilities, those of larger scales as for waveforms."""
 SAME_SCALE = 1.1
 """Ratio of two scales up to which they are the same: posterior standard deviations differ by no more."""
+TOO_LOUD = 2.0
+"""Scale above which the scatter of all waveforms of a quantity may be a missing effect."""
 LARGER_BY, SMALLER_BY = 1.0, 0.1
 """Prior means of the size of the log of a scale above and below 1 (Laplace): noise is understated rather than
 overstated, and beyond the first harmonics a smaller scale looks like a longer correlation."""
@@ -183,22 +184,15 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     if stated >= max(white, correlated) or (white > correlated and squares[0] < 1.0):
         noise = None
     priors = by_scale + np.log([OTHER] + [CORRELATED / (len(times) - 1)] * (len(times) - 1))
-    both = zip(each, priors, strict=True)
     smallest = 1.0 if noise is None else min(1.0, noise.scale)
-    others = [Alternative(one, float(prior)) for one, prior in both if one.scale >= smallest]
+    others = [Alternative(one, float(prior)) for one, prior in zip(each, priors, strict=True) if one.scale >= smallest]
     return Estimate(noise, (Alternative(Noise(1.0), float(np.log(AS_STATED))), *others))
 
 
 def _share(squares: np.ndarray) -> float:
     """Return the mean square without the largest, over that of standard normal numbers."""
     count = int(np.ceil((1.0 - TRIMMED) * squares.size))
-    return float(np.sort(squares)[:count].mean()) / _mean_of_smaller(count / squares.size)
-
-
-@cache
-def _mean_of_smaller(fraction: float) -> float:
-    """Return the mean of the smallest fraction of the squares of standard normal numbers."""
-    return float(stats.chi2.cdf(stats.chi2.ppf(fraction, 1), 3)) / fraction
+    return float(np.sort(squares)[:count].mean()) / mean_of_smaller(count / squares.size)
 
 
 def _time(series: Measured) -> np.ndarray:

@@ -8,9 +8,9 @@ weights to be fitted, like the errors of vessels and time steps.
 
 import numpy as np
 
+from coronaryuq.core.correlated_noise import white_and_shapes
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
-from coronaryuq.discrepancy.inference.correlated_noise import white_and_shapes
 from coronaryuq.zerod.effects.measuring_chain import pullback_name
 from coronaryuq.zerod.effects.pullback import CHECK
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy import stats
 
+from coronaryuq.core.chi_squared import chi2_tail
 from coronaryuq.discrepancy.inference.gp_discrepancy import phase_of
 from coronaryuq.discrepancy.inference.problem import Problem
 
@@ -61,11 +62,3 @@ def smooth(problem: Problem, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]
             columns.append(column / np.linalg.norm(column))
             owners.append(number)
     return np.array(columns).T, np.array(owners)
-
-
-def chi2_tail(covariance: np.ndarray, vector: np.ndarray) -> float:
-    """Return the p-value of v' C^+ v against chi-squared with rank(C) degrees of freedom."""
-    values, vectors = np.linalg.eigh(covariance)
-    kept = values > 1e-6 * max(values[-1], 1e-300)
-    rotated = vectors[:, kept].T @ vector
-    return float(stats.chi2.sf(np.sum(rotated**2 / values[kept]), kept.sum()))

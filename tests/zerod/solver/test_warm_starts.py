@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.forward.warm_starts import MOST, OTHER_EFFECT, KnownStates, Point, Structure, WarmStarts
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
+from coronaryuq.zerod.solver.warm_starts import MOST, OTHER_EFFECT, KnownStates, Point, Structure, WarmStarts
 from support.hypotheses import assume
 from support.small_loop import STENOSIS, fresh
 

@@ -111,7 +111,7 @@ class WarmStarts:
     ) -> np.ndarray:
         """Return the initial states (n, unknowns) of runs at points, each under a condition.
 
-        own: (n, unknowns), see `Simulation.own_starts`. changes: solver parameters of the runs.
+        own: (n, unknowns), with the blood volume that each run has to keep. changes: solver parameters of the runs.
         """
         carried: dict[tuple[str, int], np.ndarray] = {}
         found = own.copy()

@@ -1,0 +1,20 @@
+"""Chi-squared statistics: the tail of a quadratic form, and the mean of the smaller squares."""
+
+from functools import cache
+
+import numpy as np
+from scipy import stats
+
+
+def chi2_tail(covariance: np.ndarray, vector: np.ndarray) -> float:
+    """Return the p-value of v' C^+ v against chi-squared with rank(C) degrees of freedom."""
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > 1e-6 * max(values[-1], 1e-300)
+    rotated = vectors[:, kept].T @ vector
+    return float(stats.chi2.sf(np.sum(rotated**2 / values[kept]), kept.sum()))
+
+
+@cache
+def mean_of_smaller(fraction: float) -> float:
+    """Return the mean of the smallest fraction of the squares of standard normal numbers."""
+    return float(stats.chi2.cdf(stats.chi2.ppf(fraction, 1), 3)) / fraction
