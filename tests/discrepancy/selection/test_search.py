@@ -13,10 +13,13 @@ from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
+from coronaryuq.discrepancy.inference.noise import Alternative, Estimate, Noise, most_probable
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
+from coronaryuq.discrepancy.selection import search
 from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER
 from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.observed_noise import Observed
 from coronaryuq.discrepancy.selection.search import evidence_p_value, recalibrate, search_without_confounder
 from support.discoveries import discovery
 from support.hypotheses import assume
@@ -112,6 +115,19 @@ def test_other_effects_need_no_second_search(sizes):
     assert stands is first and not left_out
 
 
+@pytest.mark.parametrize(("scale", "evidence", "stands"), [(2.5, -5.0, True), (2.5, -50.0, False), (1.8, -5.0, False)])
+def test_what_only_the_stated_noise_shows_is_named_if_it_is_likelier(monkeypatch, scale, evidence, stands):
+    """Noise of more than twice the stated size may be an effect in all waveforms: both are searched."""
+    estimated, stated = discovery({}, evidence=-10.0), discovery({LOSS: 1.0}, evidence=evidence)
+    noises = tuple(Alternative(Noise(own), 0.0) for own in (1.0, scale))
+    observed = Observed({"flow": Estimate(noises[1].noise, noises)}, [], False)
+    monkeypatch.setattr(search, "observe", lambda *given: observed)
+    monkeypatch.setattr(search, "with_observed_noise", lambda problem, found, report: most_probable(found.estimates))
+    monkeypatch.setattr(search, "_search", lambda noise, *given, **more: estimated if noise else stated)
+    found = search.discover(estimated.problem, 1, LIBRARY)
+    assert bool(found.named) is stands and bool(found.noise) is not stands
+
+
 @pytest.mark.long
 def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_path):
     """Pressure that leaks into a flow channel shows in all data together, but in no test of the fitted ones."""
@@ -126,7 +142,7 @@ def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_pat
 @pytest.mark.long
 def test_a_first_effect_that_is_likelier_than_none_is_weighed_by_all_data(tmp_path):
     """Fitted data make exchanged probes twice as likely as nothing, which was answered at 0.999; all data agree."""
-    hide(Case(("exchanged_pressures",), "medium", "nominal", 71001), open_loop(), tmp_path, NATURE)
+    hide(Case(("exchanged_pressures",), "medium", "nominal", 71062), open_loop(), tmp_path, NATURE)
     found = analyse(tmp_path)
     gain = found.rounds[0].accepted.log_weight - found.base.evidence
     assert 0.0 < gain < found.problem.settings.min_log_odds
@@ -167,3 +183,14 @@ def test_an_average_of_beats_is_named(tmp_path):
     truth, _ = hide(Case(("beat_averaging",), "strong", "nominal", 77001), open_loop(), tmp_path, NATURE)
     (entry,) = analyse(tmp_path).named
     assert entry.named.placed in truth.hypothesis
+
+
+@pytest.mark.long
+def test_a_compression_of_other_timing_is_named_with_its_times(tmp_path):
+    """Three of three cases of another timing than the library's were answered "something else"."""
+    hide(Case(("compressed_resistance",), "strong", "nominal", 71001), open_loop(), tmp_path, NATURE)
+    found = analyse(tmp_path)
+    assert [entry.named.effect.name for entry in found.named] == ["compressed_resistance"]
+    hidden = np.ones(3)
+    for (_, z, sd), true in zip(found.sizes(found.named[0].named.placed), hidden, strict=True):
+        assert abs(z - true) < 3.0 * sd and abs(z - true) < 0.3

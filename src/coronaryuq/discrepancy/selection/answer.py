@@ -58,7 +58,7 @@ class Answer:
     device
         What the device reads whose unlisted response is likeliest; empty where no error of a device was found.
     log_evidence
-        Log evidence of all data for the effects found, prior included; of the model alone if there are none.
+        Log evidence of all data for all answers together, weighted by their priors.
     support
         Log evidence of all data that the effects found add to something else of any size; 0 without effects.
     wiring_errors
@@ -159,15 +159,16 @@ def answer(
             other[ALONE] = float(np.logaddexp(other[ALONE], right))
         elif not wiring:
             named = right
-    shares = softmax([nothing, named, *other.values()]).tolist()
+    weights = [nothing, named, *other.values()]
+    shares, total = softmax(weights).tolist(), float(logsumexp(weights))
     forms = dict(zip(other, shares[2:], strict=True))
     probabilities = {NOTHING: shares[0], NAMES: shares[1], OTHER: min(sum(shares[2:]), 1.0)}
     leads = max(forms, key=lambda form: forms[form]) == MISWIRED and max(shares[:2]) < probabilities[OTHER]
     if leads and not wiring:
         wiring = [max(rivals, key=lambda placed: rivals[placed])]
-    best, support = (right, found.unknown - plain.unknown) if hypothesis else (nothing, 0.0)
+    support = found.unknown - plain.unknown if hypothesis else 0.0
     shown = dict(zip(seen.shown, softmax(list(seen.shown.values())).tolist(), strict=True))
-    return Answer(probabilities, forms, shown, device, float(best), support, wiring, implausible, constancies)
+    return Answer(probabilities, forms, shown, device, total, support, wiring, implausible, constancies)
 
 
 def beyond(fit: Fit, hypothesis: Hypothesis, bound: float) -> list[PlacedEffect]:

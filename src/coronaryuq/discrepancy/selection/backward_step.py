@@ -26,12 +26,15 @@ from coronaryuq.discrepancy.selection.refit import drop, exact, fit_each, may_be
 from coronaryuq.discrepancy.selection.score_test import screen
 
 
-def backward_step(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds) -> tuple[Hypothesis, Fit, Rounds]:
+def backward_step(
+    problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds, recent: int = 1
+) -> tuple[Hypothesis, Fit, Rounds]:
     """Test whether each earlier effect is still needed and still the best, given the later ones; update its class.
 
     Stops at the first effect that is removed or replaced. The fits of its own round did not include the later effects.
+    recent: number of effects at the end that their rounds chose beside all others.
     """
-    for placed in hypothesis.effects[:-1]:
+    for placed in hypothesis.effects[: len(hypothesis) - recent]:
         current, others = round_of(rounds, placed), hypothesis.without(placed)
         columns = hypothesis.columns(fit.z, placed)
         present = replace(current.named, fit=_moved_last(fit, columns))
@@ -62,16 +65,13 @@ def correct_time_steps(
     problem, fit = before.corrected(hypothesis, fit)
     last = hypothesis.effects[-1]
     current, others = round_of(rounds, last), hypothesis.without(last)
-    alike = before.missed(problem.change) < RULE.time_step_refit and not _read_differently(before, current)
+    # A likely candidate may be an instrument that reads what the steps do not resolve.
+    read = before.unresolved and any(candidate.effect.reads_waveforms for candidate in likely(current.scored))
+    alike = before.missed(problem.change) < RULE.time_step_refit and not read
     if alike or locate(problem, fit).alarm(problem.settings.alarm_level):
         return problem, hypothesis, fit, rounds
     problem, hypothesis, fit, decided = compare_again(before, problem, current, others, fit)
     return problem, hypothesis, fit, replaced(rounds, current, decided)
-
-
-def _read_differently(problem: Problem, current: Round) -> bool:
-    """Whether a likely candidate is an instrument that reads what the steps do not resolve."""
-    return problem.unresolved and any(candidate.effect.reads_waveforms for candidate in likely(current.scored))
 
 
 def compare_again(

@@ -79,8 +79,8 @@ class Candidate:
         return self.at_size(self.guess)
 
     def at_size(self, z: float) -> np.ndarray:
-        """Return z for every size of the effect."""
-        return np.full(len(self.effect.parameters), z)
+        """Return the sizes with the first one at z; others, which are of its shape, at their prior's mean."""
+        return z * np.eye(len(self.effect.parameters))[0]
 
     @property
     def fitted(self) -> Fit:

@@ -92,9 +92,9 @@ class Discovery:
         return sorted(kept, key=lambda entry: -entry.evidence_gain)
 
     @property
-    def log_weight(self) -> float:
-        """Log evidence of the best hypothesis from all data, including its prior."""
-        return self.answer.log_evidence
+    def log_evidence(self) -> float:
+        """Log evidence of all data for all answers together, up to a constant that depends on the data alone."""
+        return self.answer.log_evidence - float(np.log(self.problem.sd).sum())
 
     def probability(self, entry: Round, candidate: Candidate) -> float:
         """Return the probability of the effects found, with a candidate as that of its round, or of a wiring error.

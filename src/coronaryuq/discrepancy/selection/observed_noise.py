@@ -35,6 +35,11 @@ class Observed:
     outliers: list[Outlier]
     right: bool
 
+    @property
+    def stated(self) -> "Observed":
+        """The same with the stated noise as that of the search; the others remain possible."""
+        return replace(self, estimates={quantity: one.chosen(0) for quantity, one in self.estimates.items()})
+
 
 def observe(problem: Problem, hypothesis: Hypothesis, fit: Fit) -> Observed:
     """Return the noise of the waveforms about a fit of some effects.

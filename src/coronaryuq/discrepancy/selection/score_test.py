@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
+from coronaryuq.core.chi_squared import chi2_tail
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.flexible import RIGHT, Flexible, Projection
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.inference.residual_tests import chi2_tail
 from coronaryuq.discrepancy.selection.candidates import Candidate
 
 POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
@@ -39,13 +39,13 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
     one point to the next. If the model does not run at the point, one nearer to the prior mean is used; if it runs at
     none, every candidate is left without a score.
     """
-    runnable = _nearest_runnable(problem, point, hypothesis)
+    runnable = nearest_runnable(problem, point, hypothesis)
     if runnable is None:
         return [_unscored(c) for c in candidates]
     linear = _LinearModel(runnable, problem.condition[problem.train], problem.flexible)
     scored = {c.placed: linear.test(c) for c in candidates if c.response is not None and np.isfinite(c.response).all()}
     run = [c for c in candidates if c.placed not in scored] + _worth_rerunning(scored.values())
-    responses = _responses(problem, runnable, hypothesis, [(c, _sizes(c)[0]) for c in run])
+    responses = _responses(problem, runnable, hypothesis, [(c, first_size(c)) for c in run])
     run = [linear.test(replace(c, response=response)) for c, response in zip(run, responses, strict=True)]
     scored |= {c.placed: c for c in run}
     shape_changing = [c for c in run if c.effect.changes_shape]
@@ -90,7 +90,7 @@ def _worth_rerunning(known: Iterable[Candidate]) -> list[Candidate]:
     return chosen
 
 
-def _nearest_runnable(problem: Problem, point: Fit, hypothesis: Hypothesis) -> Fit | None:
+def nearest_runnable(problem: Problem, point: Fit, hypothesis: Hypothesis) -> Fit | None:
     """Return the nearest point towards the prior's mean of the nuisance parameters at which the model runs."""
     for share in (1.0, *NEARER):
         z = np.concatenate([share * hypothesis.nuisances(point.z), hypothesis.all_sizes(point.z)])
@@ -98,6 +98,11 @@ def _nearest_runnable(problem: Problem, point: Fit, hypothesis: Hypothesis) -> F
         if np.isfinite(residual).all():
             return Fit(z, residual, point.jacobian, flexible=point.flexible)
     return None
+
+
+def first_size(candidate: Candidate) -> float:
+    """Return the size z of the response that a screened candidate has."""
+    return _sizes(candidate)[0]
 
 
 def _sizes(candidate: Candidate) -> tuple[float, ...]:
@@ -136,7 +141,7 @@ class _LinearModel:
 
     def test(self, candidate: Candidate) -> Candidate:
         """Return the candidate with its score tests, and a first estimate, by its response to a small size."""
-        candidate, response, size = _unscored(candidate), candidate.response, _sizes(candidate)[0]
+        candidate, response, size = _unscored(candidate), candidate.response, first_size(candidate)
         if response is None or not np.isfinite(response).all():
             return candidate
         z = self.z_score(candidate, response, size)
@@ -190,8 +195,8 @@ def _best_size(
     """Return the largest log evidence, and its size z, among multiples of the response to one size.
 
     log_evidence: without the candidate, by amplitude of the model's own error (T,); along, square: d'Pu and d'Pd of the
-    response d. In 2 log Z the response a d changes the misfit by a^2 d'Pd - 2 a d'Pu, the prior by -z^2 (two sizes of
-    one effect move together, with the prior of one), and the determinant by 1 + g'Pg with g the slope of a d in z.
+    response d. In 2 log Z the response a d changes the misfit by a^2 d'Pd - 2 a d'Pu, the prior by -z^2, and the
+    determinant by 1 + g'Pg with g the slope of a d in z.
     """
     if candidate.one_sided:
         spread = candidate.effect.parameters[0].spread

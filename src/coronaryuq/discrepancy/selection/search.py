@@ -8,8 +8,10 @@ the answers.
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import combinations
 
 import numpy as np
+from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.decision_rule import RULE
@@ -26,7 +28,7 @@ from coronaryuq.discrepancy.inference.cross_validation import (
 )
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
-from coronaryuq.discrepancy.inference.noise import most_probable
+from coronaryuq.discrepancy.inference.noise import TOO_LOUD, most_probable
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, OTHER, answer, beyond, without_effects
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
@@ -42,6 +44,7 @@ from coronaryuq.discrepancy.selection.confirmation import confirm
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.forward_step import forward_step
 from coronaryuq.discrepancy.selection.observed_noise import OtherNoise, observe, watch, with_observed_noise
+from coronaryuq.discrepancy.selection.pair_step import pair_step
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
 from coronaryuq.discrepancy.selection.unknown_source import UnknownSource, unknown_source
@@ -58,15 +61,15 @@ NOISE_ESTIMATES = 3
 """Maximum number of estimates of the noise: about the model alone, then about the effects found with the last one."""
 Watch = Callable[[Problem, Hypothesis, Fit], None]
 """Called with the effects found so far, and their fit; raises `OtherNoise` to end a search."""
-LARGEST_LOG = 500.0
-"""Log Bayes factor beyond which its size does not matter; its exponential is finite."""
 
 
 def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: Report = lambda line: None) -> Discovery:
     """Search for the effects that a model is missing.
 
     The noise of the waveforms is estimated before the search, and again about each effect found, whose sharp features
-    had looked like noise; if it is another, the search begins again.
+    had looked like noise; if it is another, the search begins again. Noise of more than `TOO_LOUD` times the stated
+    size may be an effect in all waveforms: the data are then searched with the stated noise as well, and what that
+    names stands if its evidence, averaged over the same noises, is larger.
 
     Parameters
     ----------
@@ -102,6 +105,12 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
         except OtherNoise as other:
             observed = other.observed
             report(f"given {_listed(other.hypothesis)}, the noise is another: searching again with it")
+    if any(estimate.scale > TOO_LOUD for estimate in observed.estimates.values()):
+        report("so much noise may be none: searching with the stated noise as well")
+        known = with_observed_noise(problem, observed.stated, report)
+        stated = search_without_confounder(_search, known, seed, library, report)
+        if stated.named and stated.log_evidence > found.log_evidence:
+            observed, found = observed.stated, stated
     noise, measured = most_probable(observed.estimates), problem.forward.measured
     return replace(found, measured=measured, noise=noise, outliers=observed.outliers)
 
@@ -121,7 +130,7 @@ def search_without_confounder(
     doubtful = (named + implausible)[0].name
     report(f"{doubtful} may stand in for other effects: searching again without it")
     second = search(problem, seed, tuple(effect for effect in library if effect.name != doubtful), report)
-    return second if second.log_weight > first.log_weight else first
+    return second if second.log_evidence > first.log_evidence else first
 
 
 def _search(
@@ -263,6 +272,7 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
             state = replace(state, hypothesis=hypothesis, fit=fit, rounds=rounds)
             if hypothesis == before:
                 break
+        state = _with_better_pair(state, report)
         count = len(state.hypothesis)
         problem, hypothesis, fit, rounds = correct_time_steps(state.problem, state.hypothesis, state.fit, state.rounds)
         watch(problem, hypothesis, fit)
@@ -276,6 +286,18 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
         state = state.converged()
         # The tests of the candidates, which a converged fit does not repeat, are kept.
         state = replace(state, remaining=locate(state.problem, state.fit).with_tests(state.remaining.tests))
+    return state
+
+
+def _with_better_pair(state: _State, report: Report) -> _State:
+    """Replace two effects by a pair that is more probable, if there is one."""
+    candidates = [c for c in state.candidates if c.placed not in state.refused]
+    for removed in combinations(state.hypothesis, 2):
+        found = pair_step(state.problem, state.hypothesis, state.fit, state.rounds, removed, candidates)
+        if found[0] != state.hypothesis:
+            report(f"together better: {_listed(found[0])}")
+            hypothesis, fit, rounds = backward_step(state.problem, *found, recent=0)
+            return replace(state, hypothesis=hypothesis, fit=fit, rounds=rounds)
     return state
 
 
@@ -372,6 +394,5 @@ def evidence_p_value(problem: Problem, fit: Fit, hypothesis: Hypothesis, candida
     best = max([fit.evidence, *(c.fitted.evidence for c in fitted)])
     worth = [c for c in fitted if fit.evidence < c.fitted.evidence == best or not problem.unresolved]
     fitted = updated(fitted, with_own_time_steps(problem, hypothesis, worth))
-    shares = [np.exp(c.log_prior) / RULE.prior_named for c in fitted]
-    factors = [np.exp(min(c.fitted.evidence - fit.evidence, LARGEST_LOG)) for c in fitted]
-    return float(1.0 / max(np.dot(shares, factors), 1.0))
+    factors = [c.log_weight - np.log(RULE.prior_named) - fit.evidence for c in fitted]
+    return float(np.exp(-max(logsumexp([-np.inf, *factors]), 0.0)))

@@ -151,8 +151,11 @@ class CompressedResistance(Effect):
     source = "Spaan, Coronary Blood Flow (1991); the CORONARY_VAR_RES block of svZeroDSolver"
     signature = "systolic flow impeded without the diastolic overshoot that follows the compression of a volume"
     native = "CORONARY_VAR_RES in place of CORONARY (not expressible in the closed loop)"
-    parameters = (Parameter("rise", "1", "lognormal", 1.0, 1.0, "systolic over diastolic resistance, minus 1"),)
-    contraction, relaxation = 0.3, 0.15
+    parameters = (
+        Parameter("rise", "1", "lognormal", 1.0, 1.0, "systolic over diastolic resistance, minus 1"),
+        Parameter("contraction", "1", "lognormal", 0.3, 0.3, "T_vc as a fraction of the cycle"),
+        Parameter("relaxation", "1", "lognormal", 0.15, 0.3, "T_vr as a fraction of the cycle"),
+    )
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [ALL] if self._open_loop_beds(anatomy) else []
@@ -164,7 +167,7 @@ class CompressedResistance(Effect):
             block["bc_type"] = "CORONARY_VAR_RES"
             values = block["bc_values"]
             values["Ra2_min"] = values["Ra2_max"] = values.pop("Ra2")
-            values["T_vc"], values["T_vr"] = self.contraction * anatomy.period, self.relaxation * anatomy.period
+            values["T_vc"], values["T_vr"] = (one.centre * anatomy.period for one in self.parameters[1:])
         return network
 
     def changes(
@@ -174,8 +177,8 @@ class CompressedResistance(Effect):
         rise = np.asarray(sizes["rise"], dtype=float)
         for bed in self._open_loop_beds(anatomy):
             changes[f"{bed}.Ra2_max"] = network.bed_values(bed)["Ra2_min"] * (1.0 + rise)
-            changes[f"{bed}.T_vc"] = np.full(rise.shape, self.contraction * condition.period)
-            changes[f"{bed}.T_vr"] = np.full(rise.shape, self.relaxation * condition.period)
+            changes[f"{bed}.T_vc"] = np.asarray(sizes["contraction"]) * condition.period
+            changes[f"{bed}.T_vr"] = np.asarray(sizes["relaxation"]) * condition.period
         return changes
 
     @staticmethod
