@@ -15,13 +15,17 @@ from coronaryuq.bench.discrepancy.benchmark import NATURE
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import analyse, hide
+from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.cross_validation import of_all
-from coronaryuq.discrepancy.inference.evidence import PossibleNoise
+from coronaryuq.discrepancy.inference.evidence import LEAST, PossibleNoise
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
 from coronaryuq.discrepancy.inference.gauss_newton import Linear
-from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER
+from coronaryuq.discrepancy.inference.noise import OF_VALUES
+from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER, without_effects
 from support.series_problem import series_problem, waveform
 
 SAMPLES = 12
@@ -139,13 +143,13 @@ def test_without_other_noises_a_right_model_has_the_evidence_of_its_posterior(pr
     assert problem.all_data.evidence(model.at_zero, model.jacobian).right == pytest.approx(posterior.right, abs=1e-9)
 
 
-def test_something_else_in_single_values_alone_is_no_larger_error_of_them(problem):
-    """With one waveform and a mean, something else is in both or in the waveform alone.
+def test_something_else_in_single_values_alone_exceeds_their_noise(problem):
+    """With one waveform and a mean it is in both, or in one of them, of the mean at least three standard deviations.
 
-    The waveform is all that is read of its quantity, at its place and under its condition.
+    Each is all that is read of its quantity, at its place and under its condition.
     """
-    series = [problem.forward.measured[0], replace(problem.forward.measured[2], statistic="mean", value=np.array([3.0]),
-                                                   sd=np.array([1.0]), time=None)]  # fmt: skip
+    mean = {"statistic": "mean", "value": np.array([3.0]), "sd": np.array([1.0]), "time": None}
+    series = [problem.forward.measured[0], replace(problem.forward.measured[3], condition="pacing", **mean)]
     small = series_problem(series, [Nuisance("parameter", 1.0)])
     random = np.random.default_rng(6)
     at_zero, jacobian = random.standard_normal(SAMPLES + 1), random.standard_normal((SAMPLES + 1, 1))
@@ -161,14 +165,61 @@ def test_something_else_in_single_values_alone_is_no_larger_error_of_them(proble
         densities = [multivariate_normal.logpdf(at_zero, cov=covariance) for covariance in covariances]
         return float(logsumexp(UNKNOWN + densities))
 
-    waves = np.r_[np.ones(SAMPLES), 0.0]
+    waves, least = np.r_[np.ones(SAMPLES), 0.0], AMPLITUDES[np.isfinite(UNKNOWN)][0]
     both, one, by_sample = (
         in_rows(np.ones(SAMPLES + 1), smooth(small)),
         in_rows(waves, smooth(small)),
         in_rows(waves, rough(small)),
     )
+    gross = in_rows(1.0 - waves, np.eye(SAMPLES + 1) * LEAST / least)
     constant = 0.5 * (SAMPLES + 1) * np.log(2.0 * np.pi)
-    assert found == pytest.approx(logsumexp([both, *6 * [one], by_sample]) - np.log(8.0) + constant, abs=1e-7)
+    either = logsumexp([one, gross]) - np.log(2.0)
+    assert found == pytest.approx(logsumexp([both, *6 * [either], by_sample]) - np.log(8.0) + constant, abs=1e-7)
+
+
+def means(random, wrong: float = 0.0):
+    """What nothing and something else weigh by 24 means, of which two pressures under one condition are wrong."""
+    places = [(quantity, place) for quantity in ("pressure", "flow") for place in "abcd"]
+    conditions = ("rest", "hyperaemia", "pacing")
+    values = {"pressure": (90.0, 1.0), "flow": (2.0, 0.1)}
+    series = [
+        Measured(condition, quantity, place, "mean", None, 0.8, *(np.array([number]) for number in values[quantity]))
+        for condition in conditions
+        for quantity, place in places
+    ]
+    problem = series_problem(series, [Nuisance("parameter", 1.0)])
+    of_values = [PossibleNoise(float(np.log(p)), np.zeros(24), np.zeros((0, 24))) for p in OF_VALUES.values()]
+    is_of = {q: np.array([one.quantity == q for one in series]) for q in values}
+    noises = {
+        q: tuple(
+            replace(one, variance=is_of[q] * (scale**2 - 1.0) * problem.sd**2)
+            for one, scale in zip(of_values, OF_VALUES, strict=True)
+        )
+        for q in values
+    }
+    at_zero = random.standard_normal(24)
+    at_zero[8:10] += wrong * np.array([1.0, -1.0])
+    evidence = replace(problem, noises=noises).all_data.evidence(at_zero, random.standard_normal((24, 1)))
+    nothing, something = without_effects(evidence)
+    return 1.0 / (1.0 + np.exp(something - nothing)), evidence.shown
+
+
+def test_two_wrong_means_under_one_condition_are_something_else():
+    """Eight standard deviations each, which their noise, even if 2.25 times as large as stated, explained before."""
+    found = []
+    for number in range(10):
+        nothing, shown = means(generator(1, "test", "wrong means", number), 8.0)
+        assert max(shown, key=lambda where: shown[where]) == ("pressure", "", "hyperaemia")
+        found.append(nothing)
+    assert np.mean(found) < 0.2 and max(found) < 0.5
+
+
+def test_means_that_are_right_are_seldom_something_else():
+    """In 200 trials nothing has the probability that the priors leave it, and below a half no more often than that."""
+    found = np.array([means(generator(2, "test", "right means", number))[0] for number in range(200)])
+    assert found.mean() > 0.93
+    # Where nothing is missing, odds above one against it have at most half the prior's chance (Markov).
+    assert (found < 0.5).sum() <= 200 * 0.5 * RULE.prior_outside / RULE.prior_none
 
 
 @pytest.mark.slow

@@ -13,8 +13,7 @@ plausible, and where something else shows, with one amplitude as a fraction of e
 - in one quantity, the same at all places, as an error of the device that reads them;
 - the same under one condition alone.
 
-The eight are equally likely. Apart from single values under a condition that has waveforms, all but the first are of
-waveforms and pullbacks: in single values alone, something else cannot be distinguished from a larger error.
+The eight are equally likely. In single values alone it exceeds their noise: less could not be distinguished from that.
 
 Waveforms have independent errors given the parameters of the model, and something else independent parts: one per
 measured place and quantity, one per condition of these, or one per quantity. So every quantity contributes a matrix of
@@ -23,7 +22,7 @@ inner products under each noise, every part changes it by one for each amplitude
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -57,6 +56,8 @@ class PossibleNoise:
     shapes: np.ndarray
 
 
+LEAST = 3.0
+"""Typical size of something else in single values alone, in their standard deviations; less would look like noise."""
 Where = tuple[str, str, str]
 """Quantity, place and condition of the data in which something else shows; empty: every one."""
 
@@ -89,36 +90,37 @@ class Data:
             name: [_Whitening.under(noise, chosen, sd, waves[name]) for noise in noises[name]] for name in self.names
         }
         alone, shared = (gp_discrepancy.features(problem, common)[chosen] for common in (False, True))
-        several = {number for number, one in enumerate(series) if one.value.size > 1}
-        everywhere, by_quantity, by_place, rough, by_recording, by_condition, common, common_there = (
+        forms = everywhere, by_quantity, by_place, rough, by_recording, by_condition, common, common_there = [
             defaultdict[Where, list[Part]](list) for _ in range(8)
-        )
+        ]
         blocks = gp_discrepancy.blocks(problem)[chosen]
         for number in np.unique(blocks):
             own = np.flatnonzero(blocks == number)
-            name, place = series[owner[own[0]]].quantity, series[owner[own[0]]].location
-            whole, waveforms = Part(own, alone[own], name, self.noises[name]), several.intersection(owner[own].tolist())
-            everywhere["", "", ""].append(whole)
-            if waveforms:
-                by_quantity[name, "", ""].append(whole)
-                by_place[name, place, ""].append(whole)
-            for one in sorted(waveforms):
-                part = Part(rows[one], alone[rows[one]], name, self.noises[name])
-                by_sample = np.diag(np.abs(series[one].value).max() / sd[rows[one]])
-                rough[name, place, ""].append(Part(rows[one], by_sample, name, self.noises[name]))
-                by_recording[name, "", series[one].condition].append(part)
-        for name in self.names:
-            mine = [number for number in sorted(several & rows.keys()) if series[number].quantity == name]
-            for condition in dict.fromkeys(("", *(series[number].condition for number in mine)) if mine else ()):
-                read = [rows[number] for number in mine if condition in ("", series[number].condition)]
-                all_read, form = np.concatenate(read), common_there if condition else common
-                form[name, "", condition].append(Part(all_read, shared[all_read], name, self.noises[name]))
-        recorded = {series[number].condition for number in several & rows.keys()}
+            one = series[owner[own[0]]]
+            part = Part(own, alone[own], one.quantity, self.noises[one.quantity])
+            everywhere["", "", ""].append(part)
+            by_quantity[one.quantity, "", ""].append(part)
+            by_place[one.quantity, one.location, ""].append(part)
+        read = defaultdict[Where, list[np.ndarray]](list)
         for number, own in rows.items():
-            if series[number].condition in recorded:
-                part = Part(own, alone[own], series[number].quantity, self.noises[series[number].quantity])
-                by_condition["", "", series[number].condition].append(part)
-        forms = (everywhere, by_quantity, by_place, rough, by_recording, by_condition, common, common_there)
+            one = series[number]
+            part = Part(own, alone[own], one.quantity, self.noises[one.quantity])
+            by_recording[one.quantity, "", one.condition].append(part)
+            by_condition["", "", one.condition].append(part)
+            if one.value.size > 1:
+                by_sample = np.diag(np.abs(one.value).max() / sd[own])
+                rough[one.quantity, one.location, ""].append(replace(part, features=by_sample))
+            for condition in ("", one.condition):
+                read[one.quantity, "", condition].append(own)
+        for where, each in read.items():
+            own = np.concatenate(each)
+            form = common_there if where[2] else common
+            form[where].append(Part(own, shared[own], where[0], self.noises[where[0]]))
+        several = {number for number in rows if series[number].value.size > 1}
+        for form in forms[1:]:
+            for where, parts in form.items():
+                if several.isdisjoint(owner[np.concatenate([part.rows for part in parts])].tolist()):
+                    form[where] = [part.exceeding() for part in parts]
         self.forms = [form for form in forms if form]
         """Parts of the data in which something else may be, by where it then shows."""
 
@@ -178,6 +180,11 @@ class Part:
     features: np.ndarray
     name: str
     noises: "list[_Whitening]"
+
+    def exceeding(self) -> "Part":
+        """Return the part with a typical size of `LEAST` standard deviations or more in every row."""
+        typical = AMPLITUDES[np.isfinite(UNKNOWN)].min() * np.linalg.norm(self.features, axis=1)
+        return replace(self, features=self.features * np.maximum(1.0, LEAST / np.maximum(typical, 1e-300))[:, None])
 
     @cached_property
     def seen(self) -> "list[_Seen]":
