@@ -10,6 +10,7 @@ from coronaryuq.core.wording import interval_text, listed, p_text
     ("value", "low", "high", "text"),
     [
         (0.204, 0.191, 0.222, "0.2 (0.19 to 0.22)"),
+        (0.0, 0.0, 0.00571841, "0 (0 to 0.0057)"),
         (11.04, 10.9, 11.2, "11 (10.9 to 11.2)"),
         (1.0, 1.0, 1.0, "1 (1 to 1)"),
     ],

@@ -14,10 +14,10 @@ def capitalised(text: str) -> str:
 
 
 def interval_text(value: float, low: float, high: float) -> str:
-    """Format a value with its interval, to two digits or as many as tell the ends from the value."""
+    """Format a value with its interval, to two digits or as many as tell the ends from the value, if they differ."""
     for digits in range(2, 7):
         text, *ends = (f"{one:.{digits}g}" for one in (value, low, high))
-        if text not in ends:
+        if text not in ends or value in (low, high):
             break
     return f"{text} ({' to '.join(ends)})"
 

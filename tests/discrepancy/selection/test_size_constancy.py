@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
 from coronaryuq.discrepancy.selection.size_constancy import FLAT, Constancy, constancy
+from coronaryuq.zerod.effects.base import Parameter
 from support.hypotheses import assume
 from support.linear_problem import linear_problem, made_up
 
@@ -31,10 +32,10 @@ def case(random, sizes=None):
     return g, g[:, :-1] @ z[:-1] + g[:, -1] * size + random.standard_normal(60)
 
 
-def judged(g, y, held_out=()):
+def judged(g, y, held_out=(), hypothesis=HYPOTHESIS):
     z = np.linalg.solve(np.eye(g.shape[1]) + g.T @ g, g.T @ y)
     problem = linear_problem(np.zeros((60, NUISANCES)), {}, y, CONDITIONS, held_out)
-    return constancy(problem, Linear(z, y - g @ z, g), HYPOTHESIS)[0]
+    return constancy(problem, Linear(z, y - g @ z, g), hypothesis)[0]
 
 
 def apart(g):
@@ -82,6 +83,21 @@ def test_a_size_far_out_in_its_prior_does_not_seem_to_vary():
     """Its mean over the conditions says nothing of their differences."""
     random = generator(5, "test", "constancy")
     assert not any(judged(*case(random, (9.0, 9.0, 9.0))).log_odds > 3.0 for _ in range(50))
+
+
+def test_a_size_that_is_nearly_known_differs_if_the_effect_comes_and_goes():
+    """Two channels are exchanged by 95 to 105 %: by as little no data see them differ, and absence is what matters."""
+    exchanged = assume((made_up("exchanged", Parameter("share", "1", "lognormal", 1.0, 0.05, "")), "here"))
+    odds = []
+    for number in range(20):
+        random = generator(8, "test", "constancy", number)
+        g, _ = case(random)
+        g[:, -1] *= 0.05
+        y = g[:, :-1] @ random.standard_normal(NUISANCES) + random.standard_normal(60)
+        absent = y - 20.0 * g[:, -1] * (CONDITIONS == "pacing")
+        odds.append([judged(g, data, hypothesis=exchanged).log_odds for data in (y, absent)])
+    present, in_some = np.mean(odds, axis=0)
+    assert present < -1.0 and in_some > 2.0
 
 
 def test_sizes_that_differ_are_seen():

@@ -86,14 +86,23 @@ def described_sizes(placed: PlacedEffect, sizes: list[tuple[Parameter, float, fl
     return described
 
 
+SMALL = 1e-6
+"""Step of z by which a slope is computed."""
+
+
 def by_condition(varying: Constancy, anatomy: Anatomy) -> dict:
-    """Return the first size under each condition that determines it, with 90 % intervals."""
-    effect = varying.placed.effect
-    parameter = effect.parameters[0]
-    sizes = {
-        condition: [float(effect.describe(parameter, size, anatomy)[1]) for size in with_interval(parameter, mean, sd)]
-        for condition, (mean, sd) in varying.known.items()
-    }
+    """Return the first size under each condition that determines it, with 90 % intervals.
+
+    The model is linear in the size, not in its logarithm: under one condition the effect may be absent. Of an effect
+    whose shape changes with its size, the logarithm is as good.
+    """
+    effect, parameter = varying.placed.effect, varying.placed.effect.parameters[0]
+    size, further = (float(parameter.from_standard(z)) for z in (varying.about, varying.about + SMALL))
+    slope, least, sizes = (further - size) / SMALL, 0.0 if parameter.kind == "lognormal" else -np.inf, {}
+    for condition, (mean, sd) in varying.known.items():
+        each = [max(size + slope * (mean + k * sd - varying.about), least) for k in (0.0, -Z_90, Z_90)]
+        each = with_interval(parameter, mean, sd) if effect.changes_shape else each
+        sizes[condition] = [float(effect.describe(parameter, one, anatomy)[1]) for one in each]
     sizes = {condition: [value, *sorted(ends)] for condition, (value, *ends) in sizes.items()}
     unit = "" if parameter.unit == "1" else parameter.unit
     return {"label": _size_label(varying.placed, parameter, anatomy), "unit": unit, "conditions": sizes}

@@ -7,6 +7,7 @@ from scipy import stats
 
 from coronaryuq.core.wording import interval_text, listed, p_text
 from coronaryuq.discrepancy.decision_rule import RULE
+from coronaryuq.discrepancy.inference.noise import TOO_LOUD
 
 LEAST_INFORMATION = 0.1
 """Expected information (nats) below which a measurement does not distinguish a class; of two members at most 0.69."""
@@ -15,8 +16,6 @@ QUIET, UNLIKELY = 0.5, 1e-4
 """Scatter over the stated standard deviation, and its probability, below which the latter is reported as too large."""
 WRONG_UNIT = 0.1
 """Size of the noise over the stated one below which the latter may be in another unit than the values."""
-TOO_LOUD = 2.0
-"""Size of the noise over the stated one above which it may be no noise."""
 UNPREDICTED = 0.001
 """p-value of the held-out data below which the text says that they are not predicted."""
 MOST_LISTED = 4
@@ -34,7 +33,7 @@ def noise_notes(noise: Mapping[str, Mapping]) -> str:
     loud = [name for name, one in noise.items() if one["scale"] > TOO_LOUD]
     text = f"By the scatter of the waveforms, their noise is {listed(each)}; the search uses this. " if each else ""
     text += f"Check that standard deviations of {listed(quiet)} are in the unit of the values. " if quiet else ""
-    doubt = f"So much noise of {listed(loud)} may be no noise: check it, or search with `--noise stated`. "
+    doubt = f"So much noise of {listed(loud)} may be an effect that the library lacks: check these waveforms. "
     return text + doubt * bool(loud)
 
 
@@ -152,16 +151,14 @@ def misfit_change(before: float, after: float) -> str:
 
 
 def conflict_text(intro: str, conflicts: Sequence[Mapping]) -> str:
-    """List the nuisance parameter in the worst conflict with its prior, and all far outside theirs."""
-    shown = [one for n, one in enumerate(conflicts) if n == 0 or abs(one["moved"]) > RULE.distorted]
-    if not shown:
+    """List the nuisance parameters far outside their priors, the farthest first."""
+    far = sorted((one for one in conflicts if abs(one["moved"]) > RULE.distorted), key=lambda one: -abs(one["moved"]))
+    texts = [f"the {one['name']} by {one['moved']:+.1f} (×{one['factor']:.2g})" for one in far[:MOST_LISTED]]
+    if not texts:
         return ""
-    first, *others = [*shown[:1], *sorted(shown[1:], key=lambda one: -abs(one["moved"]))][:MOST_LISTED]
-    moved = f"{first['moved']:+.1f} standard deviations of its prior (×{first['factor']:.2g}, {p_text(first['p'])})"
-    texts = [f"the {first['name']} by {moved}"]
-    texts += [f"the {one['name']} by {one['moved']:+.1f} (×{one['factor']:.2g})" for one in others]
-    if len(shown) > MOST_LISTED:
-        texts.append(f"{len(shown) - MOST_LISTED} more")
+    texts[0] = texts[0].replace(" (×", " standard deviations of its prior (×")
+    if len(far) > MOST_LISTED:
+        texts.append(f"{len(far) - MOST_LISTED} more")
     return f"{intro} {listed(texts)}. "
 
 

@@ -16,7 +16,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_correlated
-from coronaryuq.discrepancy.result.facts import facts, prior_conflicts, with_interval
+from coronaryuq.discrepancy.result.facts import by_condition, facts, prior_conflicts, with_interval
 from coronaryuq.discrepancy.result.pullback_table import pullback_table
 from coronaryuq.discrepancy.result.repair import REPAIRED, REWIRED, repaired, rewired, wiring_statement
 from coronaryuq.discrepancy.result.source_table import source_entry, source_table
@@ -143,11 +143,8 @@ def _adds(found: Discovery, entry: Round) -> dict | None:
 def _by_condition(found: Discovery, placed: PlacedEffect) -> dict:
     """Return the log odds that the first size differs between conditions, and its 90 % interval under each."""
     one = next(c for c in found.answer.constancies if c.placed == placed)
-    parameter = placed.effect.parameters[0]
-    each = {name: with_interval(parameter, mean, sd) for name, (mean, sd) in one.known.items()}
-    sizes = {name: [low, value, high] for name, (value, low, high) in each.items()}
     odds = one.log_odds if np.isfinite(one.log_odds) else None
-    return {"log_odds_that_it_differs": odds, parameter.name: sizes}
+    return {"log_odds_that_it_differs": odds, **by_condition(one, found.problem.forward.anatomy)}
 
 
 def _member(found: Discovery, entry: Round, candidate: Candidate) -> dict:

@@ -14,6 +14,8 @@ from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 
+LEAST_FACTOR = 2.0
+"""Typical factor between the sizes of one effect under two conditions, if they differ; more where the prior is wide."""
 FLAT = 1e3
 """Factor on the prior standard deviation of a common size: any size may be common to all conditions."""
 
@@ -22,13 +24,14 @@ FLAT = 1e3
 class Constancy:
     """Evidence that the size of an effect differs between conditions.
 
-    log_odds: of sizes that differ, with the spread of the prior, against one size. sizes: condition → mean and standard
-    deviation of the first size z.
+    log_odds: of sizes that differ, by `LEAST_FACTOR` or the spread of the prior, against one size. sizes: condition →
+    mean and standard deviation of the first size z, in the model that is linear about z = `about`.
     """
 
     placed: PlacedEffect
     log_odds: float
     sizes: dict[str, tuple[float, float]]
+    about: float = 0.0
 
     @property
     def known(self) -> dict[str, tuple[float, float]]:
@@ -56,13 +59,18 @@ def constancy(problem: Problem, model: Linear, hypothesis: Hypothesis) -> list[C
         columns, count = hypothesis.columns(model.z, placed), len(placed.effect.parameters)
         own = model.jacobian[:, columns]
         by_condition = np.hstack([own * (problem.condition == name)[:, None] for name in names])
-        differing = free.extended(by_condition @ np.kron(contrasts, np.eye(count)))
+        differing = free.extended(by_condition @ np.kron(contrasts, np.diag(_spreads(placed))))
         acting = [name for name in names if own[problem.condition == name].any()]
         separate = problem.all_data.evidence(differing.at_zero, differing.jacobian).right
         log_odds = separate - common if len(acting) > 1 else -np.inf
         sizes = _sizes(model, by_condition, columns.start, count, names)
-        constancies.append(Constancy(placed, float(log_odds), sizes))
+        constancies.append(Constancy(placed, float(log_odds), sizes, float(model.z[columns.start])))
     return constancies
+
+
+def _spreads(placed: PlacedEffect) -> list[float]:
+    """Return the prior standard deviations, in z, of the differences of an effect's sizes between conditions."""
+    return [max(1.0, (p.kind == "lognormal") * np.log(LEAST_FACTOR) / p.spread) for p in placed.effect.parameters]
 
 
 def _free(model: Linear, hypothesis: Hypothesis) -> Linear:
