@@ -88,6 +88,22 @@ def test_a_drive_in_a_different_unit_is_rejected():
         apply_condition(left_coronary(), Condition("rest", drive={"AORTA": (time, np.full(9, 90.0))}))
 
 
+def test_a_flow_that_drives_in_another_unit_is_rejected():
+    network = left_coronary()
+    (drive,) = (block for block in network["boundary_conditions"] if block["bc_name"] == "AORTA")
+    flow = np.full(len(drive["bc_values"]["t"]), 3.0)
+    drive.update(bc_type="FLOW", bc_values={"t": drive["bc_values"]["t"], "Q": flow.tolist()})
+    time = np.linspace(0.0, PERIOD, 9)
+    with pytest.raises(InputError, match=r"rest\.drive\.AORTA: mean over the network's own = 60\.0: use .* flow"):
+        apply_condition(network, Condition("rest", drive={"AORTA": (time, np.full(9, 180.0))}))
+
+
+def test_a_drive_with_times_in_ms_is_rejected():
+    time = np.linspace(0.0, 1e3 * PERIOD, 9)
+    with pytest.raises(InputError, match=r"rest\.drive\.AORTA: length \(s\) = .*give t in s"):
+        apply_condition(left_coronary(), Condition("rest", drive={"AORTA": (time, np.full(9, 1.2e5))}))
+
+
 def test_an_unknown_block_is_answered_with_similar_ones():
     with pytest.raises(InputError, match="no such block in the network; similar: .*lad"):
         apply_condition(left_coronary(), Condition("rest", scale={"LADD".lower(): {"L": 2.0}}))

@@ -84,13 +84,9 @@ def test_a_source_that_explains_little_is_not_told():
 
 
 def test_one_quantity_or_condition_in_which_something_else_shows_is_told():
-    said = (
-        "the flow waveforms alone (probability 0.97): an error that they share or of the drive, or a cause that hardly"
-    )
+    said = "the flow data alone (probability 0.97): an error that they share or of the drive, or a cause that hardly"
     assert said in shown_in("flow", "", "")
-    said = (
-        " It shows in the pressure waveforms under pacing alone (probability 0.97): check how they and the drive were "
-    )
+    said = " It shows in the pressure data under pacing alone (probability 0.97): check how they and the drive were "
     assert shown_in("pressure", "", "pacing") == f"{said}recorded."
 
 
@@ -99,7 +95,8 @@ MOVED = {"name": "coronary resistance", "moved": -3.2, "factor": 0.45, "p": 0.00
 
 def agreeing(alarm, conflicts=(), nothing=0.97):
     """What the paragraph says of a model that nothing is missing from, with an alarm of the global test or without."""
-    facts = {"measurements": 606, "objective": 600.0, "answer": {"probabilities": {NOTHING: nothing}}}
+    worst = {"quantity": "flow", "location": "a:b", "condition": "rest"}
+    facts = {"measurements": 606, "objective": 600.0, "answer": {"probabilities": {NOTHING: nothing}}, "worst": worst}
     gaps = {"before": {"misfit": 1.0}, "scheme": "held out", "conditions": ["pacing"], "p_held_out": 0.4}
     answer = {"facts": facts, "held_out": gaps, "global_test": {"p": 1e-9 if alarm else 0.3}, "consistent": True}
     answer["detectable"] = {"signal": 6.0, "effects": ["inertance", "flow_gain"], "of": 29}
@@ -116,21 +113,24 @@ def test_a_condition_that_differs_in_all_its_data_is_told_without_a_drive_that_a
 
 
 def test_what_only_held_out_conditions_show_is_not_said_to_be_outside_the_library():
-    forms = {"leading_form": ALONE, "probabilities": {OTHER: 0.8}, "shows_in": []}
+    where = {"quantity": "flow", "location": "", "condition": "hyperaemia", "probability": 0.9}
+    forms = {"leading_form": ALONE, "probabilities": {OTHER: 0.8}, "shows_in": [where]}
     answer = {"alarm": False, "held_out": {}, "facts": {"best": [], "answer": forms}}
     said = summary_text._outside_library(answer, ["hyperaemia"])
     assert said.startswith(
         "Something is missing (probability 0.80) that only the held-out conditions (hyperaemia) show."
     )
     assert "library" not in said and said.endswith("hold out another one.")
+    forms["shows_in"] = [where | {"condition": "", "location": "a:b"}]
+    assert summary_text._outside_library(answer, ["hyperaemia"]).startswith("Something other than an effect")
 
 
 def test_a_model_whose_misfit_is_within_its_own_error_is_not_said_to_agree():
     assert "agrees with the 606 fitted measurements (global test p = 0.3): there is nothing" in agreeing(False)
     said = agreeing(True)
     assert (
-        "leaves a misfit to the 606 fitted measurements (global test p = 1e-09), but one that errors of the model"
-        in said
+        "leaves a misfit to the 606 fitted measurements (global test p = 1e-09), most strongly in the flow at a:b "
+        "under rest, but one that errors of the model, its parameters and the measurements explain" in said
     )
     assert "nothing is missing (probability 0.97)" in said and "agrees" not in said
     assert "nothing to explain (probability 0.72; that something is missing, 0.28)" in agreeing(False, nothing=0.72)

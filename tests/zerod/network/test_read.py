@@ -50,6 +50,10 @@ FAULTS = {
         lambda n: n.update(valves=[valve("mitral", "lost", "trunk", Rmin=1.0, Rmax=9.0)]),
         ("valves.mitral.params.upstream_block", "lost", "no block has this name"),
     ),
+    "valve after a misspelt vessel": (
+        lambda n: n.update(valves=[valve("mitral", "trnk", "trunk", Rmin=1.0, Rmax=9.0)]),
+        ("valves.mitral.params.upstream_block", "trnk", "no block has this name; similar: trunk"),
+    ),
     "valve of no steepness": (
         lambda n: n.update(valves=[valve("mitral", "a", "b", kind="ValveTanh", Rmin=1.0, Rmax=9.0, Steepness=0.0)]),
         ("valves.mitral.params.Steepness", "positive"),

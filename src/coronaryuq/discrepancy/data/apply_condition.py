@@ -13,8 +13,10 @@ from coronaryuq.zerod.network.differences import ELEMENTS, LOSS, is_number
 from coronaryuq.zerod.network.period import period_of, set_period
 from coronaryuq.zerod.network.waveforms import WAVEFORMS, without_noise
 
-LARGEST_DRIVE = 6.0
-"""Largest mean pressure of a drive over the network's own; kPa and mmHg differ by 7.5."""
+LARGEST_DRIVE = {"PRESSURE": 6.0, "FLOW": 12.0}
+"""Largest mean of a drive over the network's own: kPa and mmHg differ by 7.5, L/min and mL/s by 17."""
+LONGEST_DRIVE = 10.0
+"""Longest beat of a drive over the network's own, and the reverse; s and ms differ by 1,000."""
 SAME_BEAT = 0.02
 """Relative tolerance of the length of a drive."""
 
@@ -96,13 +98,13 @@ def _drive(anatomy: Anatomy, condition: Condition, period: float, file: str | Pa
         if block is None or block["bc_type"] not in WAVEFORMS:
             known = ", ".join([b for b, v in anatomy.blocks.items() if v["bc_type"] in WAVEFORMS] + list(COVARIATES))
             raise InputError(file, f"{condition.name}.drive.{name}", None, f"no block with a waveform; known: {known}")
-        if block["bc_type"] == "PRESSURE":
-            own, given = (float(np.abs(np.mean(values))) for values in (block["bc_values"]["P"], value))
-            if own > 0.0 and not 1.0 / LARGEST_DRIVE <= given / own <= LARGEST_DRIVE:
-                where = f"{condition.name}.drive.{name}: mean over the network's own"
-                raise InputError(file, where, float(f"{given / own:.3g}"), "use the network's unit of pressure")
+        kind, most = block["bc_type"], LARGEST_DRIVE.get(block["bc_type"], np.inf)
+        own, given = (float(np.abs(np.mean(each))) for each in (block["bc_values"][WAVEFORMS[kind]], value))
+        if own > 0.0 and not 1.0 / most <= given / own <= most:
+            where = f"{condition.name}.drive.{name}: mean over the network's own"
+            raise InputError(file, where, float(f"{given / own:.3g}"), f"use the network's unit of {kind.lower()}")
         time, value = without_noise(time, value)
-        block["bc_values"]["t"], block["bc_values"][WAVEFORMS[block["bc_type"]]] = time.tolist(), value.tolist()
+        block["bc_values"]["t"], block["bc_values"][WAVEFORMS[kind]] = time.tolist(), value.tolist()
     return target
 
 
@@ -119,6 +121,8 @@ def _own_period(condition: Condition, period: float, file: str | Path) -> float:
         target = driving[0]
     for name, length in lengths.items():
         where = f"{condition.name}.drive.{name}: length (s)"
+        if not 1.0 / LONGEST_DRIVE <= length / period <= LONGEST_DRIVE:
+            raise InputError(file, where, length, f"the network's beat lasts {period:.4g}; give t in s, over one beat")
         if condition.period_scale == 1.0:
             allowed = SAME_BEAT if name in COVARIATES else 1e-9
             if abs(length - target) > allowed * target:

@@ -214,7 +214,7 @@ def _check_row(
     if not _number(row.sd) or row.sd <= 0:
         fail("sd", row.sd, "expected a positive standard deviation in the unit of the value")
     if row.statistic == "waveform" and not _number(row.time):
-        fail("time", row.time, "expected the time within the cycle, s")
+        fail("time", None if pd.isna(row.time) else row.time, "a waveform needs the time within the cycle, s")
 
 
 def _of_pullback(row: Any, topology: Topology) -> bool:

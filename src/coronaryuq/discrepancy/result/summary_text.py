@@ -58,8 +58,8 @@ def paragraph(answer: Mapping) -> str:
         nothing = facts["answer"]["probabilities"][NOTHING]
         other = f"; that something is missing, {1.0 - nothing:.2f}" if nothing < SURE else ""
         agreement = (
-            f"leaves a misfit to the {count} fitted measurements (global test {p_text(p)}), but one that errors of "
-            f"the model and its parameters{' and this noise' * bool(answer['noise'])} explain: nothing is missing"
+            f"leaves a misfit to the {count} fitted measurements (global test {p_text(p)}), {_where(facts['worst'])}, "
+            "but one that errors of the model, its parameters and the measurements explain: nothing is missing"
             if answer["alarm"]
             else f"agrees with the {count} fitted measurements (global test {p_text(p)}): there is nothing to explain"
         )
@@ -72,11 +72,9 @@ def paragraph(answer: Mapping) -> str:
         return (
             text + overstated_sd_warning(facts["objective"], count) + prediction_warning(gaps["p_held_out"], held_out)
         )
-    worst = facts["worst"]
     text = data_notes + (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can explain "
-        f"(global test {p_text(p)}), most strongly in the {worst['quantity']} at {worst['location']} "
-        f"under {worst['condition']}. "
+        f"(global test {p_text(p)}), {_where(facts['worst'])}. "
         if answer["alarm"]
         else f"The global test of the {count} fitted measurements finds no misfit ({p_text(p)}), but all data together "
         "are more probable if something is missing. "
@@ -90,6 +88,10 @@ def paragraph(answer: Mapping) -> str:
         text += f"{best} explanation is " if number == 0 else "A further effect is "
         text += _named_effect(effect, facts["best"])
     return (text + _not_confirmed(answer) + _remaining(answer, held_out)).rstrip()
+
+
+def _where(worst: Mapping) -> str:
+    return f"most strongly in the {worst['quantity']} at {worst['location']} under {worst['condition']}"
 
 
 def _outside_library(answer: Mapping, held_out: list[str]) -> str:
@@ -138,8 +140,13 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
 
 
 def _unseen(answer: Mapping, held_out: list[str]) -> bool:
-    """Whether the fitted conditions show nothing of what is missing."""
-    return bool(held_out) and not (answer["facts"]["best"] or answer["alarm"])
+    """Whether something is missing that probably shows under a held-out condition alone."""
+    return not (answer["facts"]["best"] or answer["alarm"]) and _likeliest(answer["facts"])["condition"] in held_out
+
+
+def _likeliest(facts: Mapping) -> Mapping:
+    """Return in which data something else most probably shows."""
+    return max(facts["answer"]["shows_in"], key=lambda one: one["probability"])
 
 
 def _miswired(answer: Mapping) -> str:
@@ -164,8 +171,7 @@ def _wiring(error: Mapping) -> str:
 
 def _shown(facts: Mapping, source: Mapping | None) -> str:
     """State in which data alone something else shows, if that is probable, and where an unknown flow may be."""
-    forms = facts["answer"]
-    likeliest = max(forms["shows_in"], key=lambda one: one["probability"])
+    forms, likeliest = facts["answer"], _likeliest(facts)
     quantity, place, condition = likeliest["quantity"], likeliest["location"], likeliest["condition"]
     elsewhere = forms["leading_form"] in (VARYING, MISWIRED, UNLISTED)
     if elsewhere or not (quantity or condition) or likeliest["probability"] < 0.5:
@@ -178,10 +184,10 @@ def _shown(facts: Mapping, source: Mapping | None) -> str:
         unseen = {"flow": "flow or bed", "pressure": "loss of pressure"}.get(quantity)
         cause = f"an error of that measurement{f', or a {unseen} that no other one sees' if unseen else ''}."
     elif condition:
-        data = f"the {quantity} waveforms under {condition}"
+        data = f"the {quantity} data under {condition}"
         cause = f"check how they {'and the drive ' if facts['driven'] else ''}were recorded."
     else:
-        data, drive = f"the {quantity} waveforms", " or of the drive" if facts["driven"] else ""
+        data, drive = f"the {quantity} data", " or of the drive" if facts["driven"] else ""
         cause = f"an error that they share{drive}, or a cause that hardly changes the others."
     probability, likely = likeliest["probability"], " probably" * (likeliest["probability"] < SURE)
     said = f" It{likely} shows in {data} alone (probability {probability:.2f}): {cause}"

@@ -20,7 +20,7 @@ from coronaryuq.case.network.network import (
     UNCERTAIN,
     Network,
 )
-from coronaryuq.core.errors import InputError
+from coronaryuq.core.errors import InputError, similar
 from coronaryuq.core.io.atomic import read_json, write_json
 from coronaryuq.zerod.network.blocks import check_keys, check_shapes, check_values, finite, named, register
 from coronaryuq.zerod.network.parameters import (
@@ -333,34 +333,41 @@ def _check_closed_loop(network: Network, names: dict[str, str], file) -> None:
                 raise InputError(file, where, block["bc_type"], "needs a ClosedLoopHeartAndPulmonary block")
 
 
+def _unknown(target: object, names: dict[str, str]) -> str:
+    return f"no block has this name; {similar(target, names)}".removesuffix("; ")
+
+
 def _check_references(network: Network, names: dict[str, str], file) -> None:
     for vessel in network.vessels:
         for side, target in vessel.get("boundary_conditions", {}).items():
             if target not in names:
                 where = f"vessels.{vessel['vessel_name']}.boundary_conditions.{side}"
-                raise InputError(file, where, target, "no block has this name")
+                raise InputError(file, where, target, _unknown(target, names))
     for junction in network.junctions:
         for side in ("inlet_blocks", "outlet_blocks"):
             for target in junction.get(side, []):
                 if target not in names:
                     raise InputError(
-                        file, f"junctions.{junction['junction_name']}.{side}", target, "no block has this name"
+                        file, f"junctions.{junction['junction_name']}.{side}", target, _unknown(target, names)
                     )
     for block in network.get("closed_loop_blocks", []):
         for target in block["outlet_blocks"]:
             if target not in names:
-                raise InputError(file, f"closed_loop_blocks.{HEART}.outlet_blocks", target, "no block has this name")
+                raise InputError(file, f"closed_loop_blocks.{HEART}.outlet_blocks", target, _unknown(target, names))
     for valve in network.valves:
         for side in ("upstream_block", "downstream_block"):
             if valve["params"][side] not in names:
                 raise InputError(
-                    file, f"valves.{valve['name']}.params.{side}", valve["params"][side], "no block has this name"
+                    file,
+                    f"valves.{valve['name']}.params.{side}",
+                    valve["params"][side],
+                    _unknown(valve["params"][side], names),
                 )
     for block in network.couplings:
         target = block["connected_block"]
         if target not in names and target != HEART_TYPE:
             where = f"external_solver_coupling_blocks.{block['name']}.connected_block"
-            raise InputError(file, where, target, "no block has this name")
+            raise InputError(file, where, target, _unknown(target, names))
     for part in ("initial_condition", "initial_condition_d"):
         for key, value in network.get(part, {}).items():
             if not key.startswith("_") and not finite(value):
