@@ -28,7 +28,7 @@ def test_values_in_another_unit_than_stated_are_rejected(error_of, quantity, fac
     """The hidden stenosis and the beds, which are off, change the flow by less than a factor of two."""
     message = error_of(lambda t: t.assign(value=np.where(t.quantity == quantity, factor * t.value, t.value)))
     told, _, rest = message.partition(f"{quantity}: ratio of measured to simulated values = ")[2].partition(":")
-    assert 0.5 < float(told) / factor < 2.0 and rest == " check the units of both\n"
+    assert 0.5 < float(told) / factor < 2.0 and rest == " check the column unit, and the unit of the model\n"
 
 
 def test_flows_of_opposite_sign_are_rejected(error_of):

@@ -161,7 +161,7 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
         several = quantity != "flow" or len(places) > 1
         if middle > limit or (several and most < 1.0 / limit):
             where = f"{quantity}: ratio of measured to simulated values"
-            raise InputError(file, where, float(f"{times:.3g}"), "check the units of both")
+            raise InputError(file, where, float(f"{times:.3g}"), "check the column unit, and the unit of the model")
 
 
 def _opposite(series: Measured, predicted: np.ndarray) -> bool:
