@@ -81,3 +81,14 @@ def test_the_right_pair_and_its_class_stay_without_a_fit(monkeypatch):
     monkeypatch.setattr(type(case.problem), "calibrate_each", lambda self, wanted: fits.extend(wanted) or [])
     kept, same, unchanged = pair_step(case.problem, present, fit, rounds, present.effects, case.candidates)
     assert (kept, same, unchanged) == (present, fit, rounds) and not fits
+
+
+def test_without_another_visible_candidate_the_pair_stays():
+    case = Case()
+    case.candidates = [c for c in case.candidates if c.effect.name in "cd"]
+    present = assume(case.placed["c"], case.placed["d"])
+    fit = case.problem.calibrate(present)
+    rounds = tuple(Round([], c, [c], case.candidates) for c in case.candidates)
+    for candidates in ([], case.candidates[:1], case.candidates):
+        kept, same, unchanged = pair_step(case.problem, present, fit, rounds, present.effects, candidates)
+        assert (kept, same, unchanged) == (present, fit, rounds)

@@ -91,6 +91,7 @@ def paragraph(answer: Mapping) -> str:
 
 
 def _where(worst: Mapping) -> str:
+    """State where the misfit is largest."""
     return f"most strongly in the {worst['quantity']} at {worst['location']} under {worst['condition']}"
 
 

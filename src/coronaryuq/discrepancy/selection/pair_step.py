@@ -89,7 +89,7 @@ def _promising(point: Fit, scored: list[Candidate], least: float, classes: list[
     without = -0.5 * float(point.at_zero @ point.score + np.linalg.slogdet(point.precision)[1])
     priors = np.array([c.log_prior for c in seen])[pairs].sum(axis=0)
     weights = without + gains - 0.5 * np.log(widths) + priors
-    inside = np.array([[c.placed in members for c in seen] for members in classes])[:, pairs]
+    inside = np.array([[c.placed in members for c in seen] for members in classes], dtype=bool)[:, pairs]
     weights[inside[0, 0] & inside[1, 1] | inside[0, 1] & inside[1, 0]] = -np.inf
     best = [k for k in np.argsort(-weights)[: RULE.rivals] if weights[k] > least]
     return [

@@ -334,6 +334,7 @@ def _check_closed_loop(network: Network, names: dict[str, str], file) -> None:
 
 
 def _unknown(target: object, names: dict[str, str]) -> str:
+    """State that a block is missing, with similar names."""
     return f"no block has this name; {similar(target, names)}".removesuffix("; ")
 
 
