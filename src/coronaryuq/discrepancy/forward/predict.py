@@ -11,20 +11,20 @@ from coronaryuq.case.network.topology import Topology
 from coronaryuq.core.interpolation import interpolated
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.feedback import Feedback
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect, Sizes, shared_grafts
 from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, delays, instruments, places_read, run_key
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
-from coronaryuq.discrepancy.forward.lockstep import Computation, run_in_lockstep
 from coronaryuq.discrepancy.forward.nuisance import BLOOD, Nuisance
 from coronaryuq.discrepancy.forward.pullbacks import REDUCE, Extents, extents, pressures, read
 from coronaryuq.discrepancy.forward.simulation import Simulation
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
+from coronaryuq.zerod.effects.feedback import Feedback
 from coronaryuq.zerod.effects.grafting import into_bed
 from coronaryuq.zerod.network.changes import with_changes
 from coronaryuq.zerod.network.output_names import inner_unknowns
 from coronaryuq.zerod.solver.engine import Engine
+from coronaryuq.zerod.solver.lockstep import Computation, run_in_lockstep
 from coronaryuq.zerod.solver.warm_starts import Point
 
 Row = tuple[np.ndarray, Hypothesis]

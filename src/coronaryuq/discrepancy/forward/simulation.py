@@ -11,11 +11,11 @@ from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.forward.fast_settling import FastSettling
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, batches, stack
-from coronaryuq.discrepancy.forward.lockstep import Computation, Run
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.grafting import renamed_again
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.carry_over import carry_over
+from coronaryuq.zerod.solver.lockstep import Computation, Run
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.solver.result import Result
 from coronaryuq.zerod.solver.warm_starts import Point, WarmStarts

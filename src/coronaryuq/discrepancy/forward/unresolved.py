@@ -4,9 +4,9 @@ import numpy as np
 
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.instruments import Instruments, places_read
-from coronaryuq.discrepancy.forward.lockstep import run_in_lockstep
 from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
 from coronaryuq.zerod.effects.base import Series, Values
+from coronaryuq.zerod.solver.lockstep import run_in_lockstep
 
 
 def waveforms(forward: Forward, z: np.ndarray, effects: Hypothesis) -> Waveforms:

@@ -8,9 +8,9 @@ import numpy as np
 from coronaryuq.case.network.network import Network
 from coronaryuq.core import provenance
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, stack
-from coronaryuq.discrepancy.forward.lockstep import Computation
 from coronaryuq.discrepancy.forward.simulation import LOOSE, MOST_CYCLES, PATIENCE, TOLERANCE, Simulation
 from coronaryuq.zerod.network.changes import with_changes
+from coronaryuq.zerod.solver.lockstep import Computation
 from coronaryuq.zerod.solver.periodic import Periodicity
 from coronaryuq.zerod.svzerodsolver.program import expressible, last_cycle
 

@@ -6,9 +6,9 @@ import pytest
 from coronaryuq.bench.discrepancy import open_loop_tree
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
-from coronaryuq.discrepancy.forward.feedback import MOST_ROUNDS, SETTLED, Feedback
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.feedback import MOST_ROUNDS, SETTLED, Feedback
 from coronaryuq.zerod.effects.library import effect
 from support.hypotheses import assume
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from coronaryuq.discrepancy.forward.lockstep import Run, run_in_lockstep
+from coronaryuq.zerod.solver.lockstep import Run, run_in_lockstep
 
 
 class Doubling:
