@@ -130,8 +130,8 @@ def test_an_effect_with_feedback_fails_if_an_earlier_run_failed(problem, monkeyp
     alone = problem.forward.predict_rows(rows[1:])[0]
     simulation, calls = problem.forward.simulation, []
 
-    def fails_once(prepared, jobs, names):
-        waves = yield from run(prepared, jobs, names)
+    def fails_once(prepared, jobs, names, tolerance):
+        waves = yield from run(prepared, jobs, names, tolerance)
         if not calls:
             for wave in waves.values():
                 wave[0] = np.nan

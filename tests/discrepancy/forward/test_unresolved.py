@@ -5,8 +5,7 @@ import pytest
 
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.instruments import instruments
-from coronaryuq.discrepancy.forward.simulation import TOLERANCE
-from coronaryuq.discrepancy.forward.unresolved import sampled, waveforms
+from coronaryuq.discrepancy.forward.unresolved import CYCLE_ERROR, sampled, waveforms
 from support.hypotheses import assume
 from support.small_loop import fresh
 
@@ -39,7 +38,7 @@ def test_samples_of_the_waveforms_are_the_predictions(forward, effects):
     waves = waveforms(forward, on_network, network)
     predicted, found = forward.predict(points, hypothesis), sampled(forward, waves, on_network, network, chain)
     for rows in forward.rows:
-        assert np.abs(found - predicted)[:, rows].max() < 5.0 * TOLERANCE * np.ptp(predicted[:, rows])
+        assert np.abs(found - predicted)[:, rows].max() < 5.0 * CYCLE_ERROR * np.ptp(predicted[:, rows])
 
 
 def test_a_probe_at_a_place_that_is_not_measured_reads_as_at_its_own(forward):

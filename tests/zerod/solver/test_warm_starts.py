@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.simulation import LOOSE
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.warm_starts import MOST, OTHER_EFFECT, KnownStates, Point, Structure, WarmStarts
@@ -28,7 +29,8 @@ def test_a_warm_start_does_not_change_the_result(problem):
     again = problem.forward.predict_rows([row(problem, 0.0)])[0]
     neighbour = problem.forward.predict_rows([row(problem, -0.4)])[0]
     size = np.abs(wanted).max()
-    assert np.abs(again - wanted).max() / size < 1e-3
+    # Valves that open a step earlier or later leave a cycle error of up to `LOOSE`.
+    assert np.abs(again - wanted).max() / size < LOOSE
     assert np.abs(neighbour - wanted).max() / size > 1e-2, "the neighbour is another point"
 
 

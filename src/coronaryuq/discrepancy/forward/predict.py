@@ -16,7 +16,7 @@ from coronaryuq.discrepancy.forward.instruments import Instruments, as_read, del
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, Scaled
 from coronaryuq.discrepancy.forward.nuisance import BLOOD, Nuisance
 from coronaryuq.discrepancy.forward.pullbacks import REDUCE, Extents, extents, pressures, read
-from coronaryuq.discrepancy.forward.simulation import Simulation
+from coronaryuq.discrepancy.forward.simulation import TOLERANCE, Simulation
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
 from coronaryuq.zerod.effects.feedback import Feedback
@@ -227,9 +227,15 @@ class Forward:
         return [values[:, rows] for rows in self.rows]
 
     def simulate(
-        self, prepared: Prepared, rows: list[Row], sizes: list[Sizes], chains: list[Instruments], conditions: list[str]
+        self,
+        prepared: Prepared,
+        rows: list[Row],
+        sizes: list[Sizes],
+        chains: list[Instruments],
+        conditions: list[str],
+        tolerance: float = TOLERANCE,
     ) -> Computation[Waveforms]:
-        """Return the waveforms of all rows."""
+        """Return the waveforms of all rows, with a cycle error below a tolerance."""
         renamed = prepared.renamed
         measured = [series for series in self.measured if series.condition in conditions]
         names = [
@@ -239,13 +245,12 @@ class Forward:
             for location in (series.location, *sorted(places_read(series, chains, self.anatomy)))
             for name in self.variables(replace(series, location=location), renamed)
         ]
-        for series in measured:
-            if series.pullback is not None:
-                names += [*pressures(prepared.topology, series.pullback), self._root_pressure(renamed)]
+        for pullback in filter(None, (series.pullback for series in measured)):
+            names += [*pressures(prepared.topology, pullback), self._root_pressure(renamed)]
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
         responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
         names = list(dict.fromkeys(names + (list(beds.values()) if any(responds) else [])))
-        points = [self.point(row, hypothesis) for row, hypothesis in rows]
+        points = [self.point(*row) for row in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
         factors = {name: self.factors(prepared, name, z) for name in conditions}
         runs = [(name, i) for name in conditions for i in range(len(rows))]
@@ -265,7 +270,7 @@ class Forward:
         left = np.arange(len(runs))
         waves: dict[str, np.ndarray] = {}
         while left.size:
-            new = yield from self.simulation.waveforms(prepared, [job(number) for number in left.tolist()], names)
+            new = yield from self.simulation.waveforms(prepared, list(map(job, left.tolist())), names, tolerance)
             waves = waves or new
             for key, wave in new.items():
                 waves[key][left] = wave
@@ -389,8 +394,7 @@ class Forward:
             values = values / self._mass(series.location, z)[:, None]
         if series.time is not None:
             return interpolated(values, period, series.time, late, series.period)
-        cycle = values[:, :-1] if series.statistic == "mean" else values
-        return REDUCE[series.statistic](cycle, axis=1)[:, None]
+        return REDUCE[series.statistic](values[:, :-1] if series.statistic == "mean" else values, axis=1)[:, None]
 
     def _mass(self, territory: str, z: np.ndarray) -> np.ndarray:
         column = next(i for i, nuisance in enumerate(self.nuisances) if nuisance.mass == territory)

@@ -120,11 +120,16 @@ class Simulation:
         settled = nominal.cycle_error < LOOSE
         return {name: nominal.state[i] if settled[i] else None for i, name in enumerate(prepared.networks)}
 
-    def waveforms(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Computation[dict[str, np.ndarray]]:
-        """Return waveforms name → (jobs, steps + 1), NaN if a run failed; identical jobs share a run."""
+    def waveforms(
+        self, prepared: Prepared, jobs: list[Job], names: list[str], tolerance: float = TOLERANCE
+    ) -> Computation[dict[str, np.ndarray]]:
+        """Return waveforms name → (jobs, steps + 1), NaN if a run failed; identical jobs share a run.
+
+        tolerance: cycle error of the runs.
+        """
         seat: dict[tuple, int] = {}
         seats = [seat.setdefault(job.key, len(seat)) for job in jobs]
-        found = yield from self._run_each(prepared, [jobs[seats.index(k)] for k in range(len(seat))], names)
+        found = yield from self._run_each(prepared, [jobs[seats.index(k)] for k in range(len(seat))], names, tolerance)
         return {name: waves[seats] for name, waves in found.items()}
 
     def own_starts(self, prepared: Prepared, jobs: list[Job]) -> np.ndarray | None:
@@ -142,7 +147,9 @@ class Simulation:
         volume = BloodVolume(prepared.engine.model)
         return volume.with_blood_added(own, (factors - 1.0) * volume.evaluate(own, stack(prepared, jobs)))
 
-    def _run_each(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Computation[dict[str, np.ndarray]]:
+    def _run_each(
+        self, prepared: Prepared, jobs: list[Job], names: list[str], wanted: float
+    ) -> Computation[dict[str, np.ndarray]]:
         self.runs += len(jobs)
         found = {name: np.full((len(jobs), self.steps_per_cycle + 1), np.nan) for name in names}
         own = self.own_starts(prepared, jobs)
@@ -154,12 +161,12 @@ class Simulation:
                 points = [(job.condition, job.point) for job in batch]
                 start = self._known_states.near(points, prepared.structure, start, changes)
                 ahead = self._settling.ahead(self.prepared([]), prepared, batch, changes, self.steps_per_cycle)
-            for tolerance in (TOLERANCE, LOOSE, LOOSE):
+            for tolerance in (wanted, LOOSE, LOOSE):
                 mine = np.isin(numbers, left)
-                patience = PATIENCE if tolerance == TOLERANCE else None
+                patience = PATIENCE if tolerance == wanted else None
                 options = {
                     "waveforms": names,
-                    "periodicity": Periodicity(tolerance, MOST_CYCLES, patience, extrapolate=ahead),
+                    "periodicity": Periodicity(tolerance, MOST_CYCLES, patience, LOOSE, extrapolate=ahead),
                     "steps_per_cycle": self.steps_per_cycle,
                     "start": start,
                 }

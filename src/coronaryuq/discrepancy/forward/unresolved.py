@@ -8,11 +8,15 @@ from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
 from coronaryuq.zerod.effects.base import Series, Values
 from coronaryuq.zerod.solver.lockstep import run_in_lockstep
 
+CYCLE_ERROR = 1e-3
+"""Cycle error of the runs, a tenth of the noise: changes between them are of interest that exceed it several times."""
+
 
 def waveforms(forward: Forward, z: np.ndarray, effects: Hypothesis) -> Waveforms:
     """Return the waveforms, where measured, at z (n, p) of the model with effects on its network."""
     prepared, sizes = forward.simulation.prepared(effects), [effects.physical_sizes(row) for row in z]
-    run = forward.simulate(prepared, [(row, effects) for row in z], sizes, [[]] * len(z), list(forward.conditions))
+    rows, conditions = [(row, effects) for row in z], list(forward.conditions)
+    run = forward.simulate(prepared, rows, sizes, [[]] * len(z), conditions, CYCLE_ERROR)
     return run_in_lockstep([run], forward.simulation.threads)[0]
 
 

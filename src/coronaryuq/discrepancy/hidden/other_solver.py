@@ -40,7 +40,9 @@ class SvZeroDSimulation(Simulation):
         """Return the same simulation by svZeroDSolver."""
         return cls(**{one.name: getattr(simulation, one.name) for one in fields(Simulation)})
 
-    def waveforms(self, prepared: Prepared, jobs: list[Job], names: list[str]) -> Computation[Waves]:
+    def waveforms(
+        self, prepared: Prepared, jobs: list[Job], names: list[str], tolerance: float = TOLERANCE
+    ) -> Computation[Waves]:
         """Return waveforms name → (jobs, steps + 1), as `Simulation.waveforms` does."""
         self.runs += len(jobs)
         networks = [with_changes(prepared.networks[job.condition], job.table(prepared)) for job in jobs]
@@ -49,7 +51,7 @@ class SvZeroDSimulation(Simulation):
         if len(self._kept) + len(missing) > MOST_KEPT:
             self._kept.clear()
             missing = list(range(len(jobs)))
-        starts = self._periodic_states(prepared, [jobs[number] for number in missing])
+        starts = self._periodic_states(prepared, [jobs[number] for number in missing], tolerance)
         for number, start in zip(missing, starts, strict=True):
             network = networks[number]
             self._kept[keys[number]] = self._run(network, names, start) if expressible(network) else None
@@ -66,13 +68,13 @@ class SvZeroDSimulation(Simulation):
                 found[name][left] = values
         return found
 
-    def _periodic_states(self, prepared: Prepared, jobs: list[Job]) -> list[Waves | None]:
+    def _periodic_states(self, prepared: Prepared, jobs: list[Job], tolerance: float) -> list[Waves | None]:
         """Return the initial state of each run of a closed loop, unknown → value and rate, nearly periodic."""
         if not jobs or not self.anatomy.closed_loop or (starts := self.own_starts(prepared, jobs)) is None:
             return [None] * len(jobs)
         settled = prepared.engine.run_to_periodic(
             stack(prepared, jobs),
-            periodicity=Periodicity(TOLERANCE, MOST_CYCLES, PATIENCE),
+            periodicity=Periodicity(tolerance, MOST_CYCLES, PATIENCE),
             steps_per_cycle=self.steps_per_cycle,
             start=starts,
         )

@@ -318,18 +318,22 @@ class _Undisturbed:
     def disturbed(self, here: tuple, along: np.ndarray, explained: np.ndarray) -> np.ndarray:
         """Return the log evidence (..., T) under some noises, with shares (T, k) explained along directions (k, m)."""
         pivots = np.diagonal(self.factor[here], axis1=-2, axis2=-1)[..., None, :]
-        shares, more, kept = np.sqrt(explained), 0.0, 1.0
+        shares, more, kept = np.sqrt(explained), np.zeros(()), np.ones(())
         if len(along) > len(along.T):
             changed = self.products[here][..., None, :, :] - np.array(
                 [(along.T * share) @ along for share in explained]
             )
             pivots = np.diagonal(np.linalg.cholesky(changed), axis1=-2, axis2=-1)
         else:
-            # By the matrix determinant lemma, for M and for its part without the residual.
-            parts = (self.inverse[here] @ along.T)[..., None, :, :] * shares[:, None, :]
-            inner = np.swapaxes(parts[..., :-1, :], -1, -2) @ parts[..., :-1, :]
-            factor = np.linalg.cholesky(np.eye(len(along)) - inner)
-            more = np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
-            kept = 1.0 - np.sum(np.linalg.solve(factor, parts[..., -1, :, None])[..., 0] ** 2, axis=-1)
+            # By the matrix determinant lemma, for M and for its part without the residual; the last pivot of the inner
+            # matrix, bordered by the residual's part, is the share of its square that is left.
+            parts = self.inverse[here] @ along.T
+            inner = np.swapaxes(parts, -1, -2)
+            inner = np.concatenate([inner[..., :-1] @ parts[..., :-1, :], parts[..., -1:, :]], axis=-2)
+            bordered = np.tile(np.eye(len(along) + 1), (*inner.shape[:-2], len(explained), 1, 1))
+            both = np.column_stack([shares, np.ones(len(explained))])
+            bordered[..., :-1] -= both[:, :, None] * inner[..., None, :, :] * shares[:, None, :]
+            left = np.diagonal(np.linalg.cholesky(bordered), axis1=-2, axis2=-1)
+            more, kept = np.log(left[..., :-1]).sum(axis=-1), left[..., -1] ** 2
         logs = np.log(pivots[..., :-1]).sum(axis=-1) + more
         return -0.5 * (2.0 * logs + self.log_determinants[here][..., None] + kept * pivots[..., -1] ** 2)

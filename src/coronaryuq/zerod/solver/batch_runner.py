@@ -31,6 +31,8 @@ class BatchRunner:
         self.model, self.scheme, self.steps_per_cycle = model, scheme, steps_per_cycle
         self.coronaries = [b for b in model.blocks.values() if b.kind in ("CORONARY", "CORONARY_VAR_RES")]
         self._programs: dict[tuple, Program] = {}
+        kinds = [name.partition(":")[0] for name in model.variables]
+        self._kinds = np.unique(kinds, return_inverse=True)[1]
 
     def begin(self, parameters: dict, samples: int, start: np.ndarray | None, threads: int) -> Batch:
         """Return a batch in its initial state.
@@ -124,15 +126,13 @@ class BatchRunner:
             solves += self.advance(program, batch, live, times, times, threads)
             spent[marched] += 1
             error[marched], scale = drift(
-                before[:, :n], batch.state[marched, :n], batch.floor[marched], batch.ceiling[marched]
+                before[:, :n], batch.state[marched, :n], batch.floor[marched], batch.ceiling[marched], self._kinds
             )
             live &= batch.failed_at == 0
             if periodicity is not None:
-                live &= ~(error < periodicity.tolerance)
-            if periodicity is not None and periodicity.patience is not None:
                 halved = error < 0.5 * last_halved_error
                 last_halved_error[halved], last_halved_cycle[halved] = error[halved], cycle
-                live &= cycle - last_halved_cycle < periodicity.patience
+                live &= ~periodicity.over(error, cycle - last_halved_cycle)
             done = np.zeros(samples, bool)
             done[marched] = ~live[marched] | (cycle == limit - 1)
             batch.keep_waves(done)

@@ -190,7 +190,7 @@ class Engine:
         recorded = np.unique(np.array([q.unknown for q in parsed] + wave_unknowns, dtype=np.int64))
         result = Result.blank(samples, steps, self.model.period, len(self.state_names), quantities, waveforms)
         starts = None if start is None else self._start_states(start, samples)
-        tolerance = None if periodicity is None else periodicity.tolerance
+        tolerance = None if periodicity is None else periodicity.accepted
         remaining = np.arange(samples)
         for refinement in _REFINEMENTS:
             part = {name: value[remaining] if np.ndim(value) else value for name, value in values.items()}

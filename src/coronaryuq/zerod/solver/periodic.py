@@ -21,6 +21,10 @@ Valves open and close between two time steps, so on a coarse grid the map has sm
 and forth across one for ever, whereas plain cycles settle on one side.
 """
 
+STALLED = 2
+"""Cycles without halving of the cycle error after which a sample is taken for as periodic as its valves allow."""
+
+_LEAST = 1e-5
 _RANK = 1e-8
 _GROWTH = 3.0
 
@@ -41,6 +45,8 @@ class Periodicity:
         Maximum number of cycles.
     patience : int, optional
         A sample fails if its cycle error has not halved within this number of cycles.
+    loose : float, optional
+        Cycle error below which a sample is taken for periodic once its error has not halved within `STALLED` cycles.
     accelerate : bool
         Use Anderson acceleration; otherwise wait.
     extrapolate : callable, optional
@@ -50,18 +56,39 @@ class Periodicity:
     tolerance: float = 1e-4
     cycles: int = 100
     patience: int | None = None
+    loose: float | None = None
     accelerate: bool = True
     extrapolate: Extrapolate | None = None
 
+    @property
+    def accepted(self) -> float:
+        """Cycle error below which a sample has not failed."""
+        return self.tolerance if self.loose is None else self.loose
 
-def drift(before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def over(self, error: np.ndarray, waited: np.ndarray) -> np.ndarray:
+        """Return which samples (n,) end, by their cycle error and the number of cycles since it last halved."""
+        over = error < self.tolerance
+        if self.patience is not None:
+            over |= waited >= self.patience
+        if self.loose is not None:
+            over |= (error < self.loose) & (waited >= STALLED)
+        return over
+
+
+def drift(
+    before: np.ndarray, after: np.ndarray, low: np.ndarray, high: np.ndarray, kinds: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the cycle error of each sample (samples,), and the scale of each unknown (samples, unknowns).
 
     before, after: unknowns at the cycle's start and end; low, high: their range in between; all (samples, unknowns).
-    The error is the largest |after − before| of any unknown over its scale: its range, but at least 1e-6 of its size.
-    An unknown that stays zero is left out.
+    kinds: number of the quantity of each unknown, from 0, (unknowns,). The error is the largest |after − before| of any
+    unknown over its scale: its range, but at least 1e-6 of its size, and `_LEAST` of the largest range of its quantity,
+    because a flow into a closed branch is zero but for rounding.
     """
-    scale = np.maximum(high - low, 1e-6 * np.maximum(np.abs(low), np.abs(high)))
+    ranges = high - low
+    largest = np.array([ranges[:, kinds == kind].max(axis=1) for kind in range(kinds.max() + 1)]).T
+    scale = np.maximum(ranges, 1e-6 * np.maximum(np.abs(low), np.abs(high)))
+    scale = np.maximum(scale, _LEAST * largest[:, kinds])
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(scale > 0, np.abs(after - before) / scale, 0.0).max(axis=1), scale
 
