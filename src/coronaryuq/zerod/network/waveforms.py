@@ -10,7 +10,7 @@ DRIVES = {"PRESSURE": "P", "FLOW": "Q"}
 """Name of the waveform in each kind of boundary condition that drives a network."""
 WAVEFORMS = DRIVES | {"CORONARY": "Pim", "CORONARY_VAR_RES": "Pim"}
 """Name of the waveform in each kind of boundary condition that has one."""
-CONTENT = 40.0
+CONTENT, HARMONICS = 40.0, 20
 """Frequency (Hz) beyond which pressures and flows of the circulation have no content, so that a reading is noise there.
 
 Twenty harmonics of the heart rate describe even the derivative of an arterial pressure (Nichols & O'Rourke, McDonald's
@@ -35,10 +35,11 @@ def resampled(values: np.ndarray, time: np.ndarray | None = None) -> np.ndarray:
 
 
 def without_noise(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Remove what a measured beat has beyond `CONTENT`.
+    """Return a measured beat as the smooth function that its readings sample, without what it has beyond `CONTENT`.
 
-    A vessel's compliance turns the slope of a pressure into flow, so a model driven by noise predicts much more of it;
-    an error of a probe that smooths this, as a delay by a part of a time step does, then looks real.
+    A vessel's compliance turns the slope of a pressure into flow, so a model driven by noise predicts much more of it,
+    and one driven by straight lines between readings less; an error of a probe that smooths this, as a delay by a part
+    of a time step does, then looks real.
 
     Parameters
     ----------
@@ -48,12 +49,13 @@ def without_noise(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.
     Returns
     -------
     time, values
-        As many even times and readings; those given if they are too far apart to have such content.
+        At least `WAVE_POINTS` even times, and values; those given if they are fewer than two per harmonic.
     """
     even = np.linspace(time[0], time[-1], len(time) - 1, endpoint=False)
+    if len(even) < 2 * HARMONICS:
+        return time, values
     spectrum = np.fft.rfft(np.interp(even, time, values))
     within = np.arange(len(spectrum)) <= CONTENT * (time[-1] - time[0])
-    if within.all():
-        return time, values
-    smooth = np.fft.irfft(np.where(within, spectrum, 0.0), len(even))
-    return np.append(even, time[-1]), np.append(smooth, smooth[0])
+    count = max(len(even), WAVE_POINTS - 1)
+    smooth = np.fft.irfft(np.where(within, spectrum, 0.0), count) * (count / len(even))
+    return np.linspace(time[0], time[-1], count + 1), np.append(smooth, smooth[0])
