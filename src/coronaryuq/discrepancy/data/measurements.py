@@ -26,6 +26,7 @@ from coronaryuq.discrepancy.data.pullbacks import (
 )
 from coronaryuq.zerod.effects.base import Series
 from coronaryuq.zerod.effects.pullback import CHECK, OF_WIRE
+from coronaryuq.zerod.effects.readings import dense, true_readings
 
 COLUMNS = ("condition", "quantity", "location", "statistic", "time", "value", "sd", "unit")
 WORDS = ("condition", "quantity", "location", "statistic", "unit")
@@ -113,7 +114,7 @@ def read_measurements(
         condition, quantity, location, statistic = map(str, key)
         factor = rows["unit"].astype(str).map(UNITS[quantity]).to_numpy(float)
         value, sd = rows["value"].to_numpy(float) * factor, rows["sd"].to_numpy(float) * factor
-        time, pullback, period = None, None, periods[condition]
+        time, pullback, readings, period = None, None, None, periods[condition]
         if quantity in READ and rows["distance"].notna().all():
             own = checks[(checks["condition"] == condition) & (checks["location"] == location)]
             checked_at = next(iter(own["time"].dropna()), None)
@@ -125,11 +126,15 @@ def read_measurements(
             time, value, sd = rows["time"].to_numpy(float)[order], value[order], sd[order]
             _check_waveform(path, key, time, period)
             once = _once(time, period)
+            once = once[true_readings(time[once], value[once], sd[once])]
             time, value, sd = time[once], value[once], sd[once]
+            if readings := dense(time, period):
+                time, value, sd = readings.averaged(time), readings.averaged(value), readings.sd(sd)
         elif len(rows) > 1:
             lines = ", ".join(str(line_number(path, number)) for number in rows.index)
             raise InputError(path, "/".join(key), None, f"lines {lines}: the same measurement; keep one row")
-        measured.append(Measured(condition, quantity, location, statistic, time, period, value, sd, pullback=pullback))
+        one = Measured(condition, quantity, location, statistic, time, period, value, sd, pullback=pullback)
+        measured.append(replace(one, readings=readings))
     check_alone(path, pullbacks)
     measured = [_with_pullback(path, series, measured) if series.quantity == DRIFT else series for series in measured]
     order_of = {name: number for number, name in enumerate(conditions)}

@@ -8,7 +8,6 @@ import numpy as np
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
-from coronaryuq.core.interpolation import interpolated
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect, Sizes, shared_grafts
@@ -393,7 +392,7 @@ class Forward:
         if series.quantity == "perfusion":
             values = values / self._mass(series.location, z)[:, None]
         if series.time is not None:
-            return interpolated(values, period, series.time, late, series.period)
+            return series.sampled(values, period, late)
         return REDUCE[series.statistic](values[:, :-1] if series.statistic == "mean" else values, axis=1)[:, None]
 
     def _mass(self, territory: str, z: np.ndarray) -> np.ndarray:

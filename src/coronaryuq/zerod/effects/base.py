@@ -9,8 +9,10 @@ from typing import ClassVar, Literal, TypeVar
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.core.interpolation import interpolated
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.pullback import Pullback
+from coronaryuq.zerod.effects.readings import Readings
 
 Values = dict[str, np.ndarray]
 Number = TypeVar("Number", float, np.ndarray)
@@ -58,7 +60,8 @@ class Series:
     """One block of predictions: one quantity at one location under one condition.
 
     time: (k,) s within the cycle for waveforms, None for mean, min and max. period: s. pullback: places of the readings
-    of a wire that was pulled through several vessels; `location` is then its path.
+    of a wire that was pulled through several vessels; `location` is then its path. readings: those of which the values
+    at `time` are averages.
     """
 
     condition: str
@@ -68,6 +71,15 @@ class Series:
     time: np.ndarray | None
     period: float
     pullback: Pullback | None = field(default=None, kw_only=True)
+    readings: Readings | None = field(default=None, kw_only=True)
+
+    def sampled(self, waves: np.ndarray, duration: float, late: np.ndarray) -> np.ndarray:
+        """Return the values (n, k) of a waveform read from waves (n, points) over a duration, each later by (n,), s."""
+        if self.time is None:
+            raise ValueError(f"{self.quantity} at {self.location} is not a waveform")
+        if self.readings is None:
+            return interpolated(waves, duration, self.time, late, self.period)
+        return self.readings.averaged(interpolated(waves, duration, self.readings.times, late, self.period))
 
 
 @dataclass(frozen=True)
