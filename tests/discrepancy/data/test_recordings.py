@@ -111,6 +111,7 @@ def beats(frame, count, share=1.0):
     [
         (lambda f: beats(f, 3), "LVP [mmHg]: number of systoles = 3: expected one; cut out one beat"),
         (lambda f: f.iloc[:65], "of its range between start and end; expected one whole beat"),
+        (lambda f: f.iloc[: int(0.85 * len(f))], "of its range between start and end; expected one whole beat"),
         (
             lambda f: exchanged(f, "AoP [mmHg]", "LVP [mmHg]"),
             "check whether the two are exchanged",
@@ -181,6 +182,15 @@ def test_a_flow_too_small_for_its_unit_is_rejected(tmp_path):
         path = tmp_path / f"{name}.csv"
         path.write_text(path.read_text().replace("ml/s", "ml/min"))
     with pytest.raises(InputError, match=r"X1: mean flow \(mL/min\) = 0.6.*below the error of a flow reading"):
+        prepare_case(tmp_path, "X1", tmp_path / "case")
+
+
+def test_flows_of_two_units_under_one_heading_are_rejected(tmp_path):
+    for name, flow in (("X1_baseline", 0.5), ("X1_rest", 40.0)):
+        recording(tmp_path, name, flow)
+    with pytest.raises(
+        InputError, match=r"X1_baseline.csv: mean flow = 0.501: mL/s as its heading says, or mL/min as 40.1"
+    ):
         prepare_case(tmp_path, "X1", tmp_path / "case")
 
 

@@ -14,8 +14,9 @@ TIME, AORTA, VENTRICLE, FLOW = "t abs [s]", "AoP [mmHg]", "LVP [mmHg]", "LAD Flo
 """Headings of the recorder. The artery may differ, case is ignored, and other units are converted to these."""
 SHORTEST, LONGEST = 0.1, 3.0
 """Plausible length of a beat, s."""
-LARGEST_JUMP = 0.25
-"""Difference between the ends of a pressure, over its range, above which a recording is not a whole beat."""
+LARGEST_JUMP = 0.1
+"""Difference between the ends of a pressure, over its range, above which a recording is not a whole beat, unless some
+successive readings differ as much: breathing changes a pulse by less, and a trigger may lie in the upstroke."""
 LOST = 0.05
 """Fraction of a beat without readings that are closer elsewhere; the pressure drives the model there, too."""
 LEAST_PEAK = 0.85
@@ -40,8 +41,10 @@ def check_beat(path: Path, frame: pd.DataFrame) -> None:
     _check_columns(path, frame)
     for name in (AORTA, VENTRICLE):
         values = frame[name].to_numpy(float)
-        jump = abs(values[-1] - values[0]) / np.ptp(values)
-        if jump > LARGEST_JUMP:
+        jump, step = (
+            float(change) / np.ptp(values) for change in (abs(values[-1] - values[0]), abs(np.diff(values)).max())
+        )
+        if jump > max(LARGEST_JUMP, step):
             raise InputError(path, name, percent(jump), "of its range between start and end; expected one whole beat")
 
 

@@ -133,8 +133,12 @@ def _held_out(folder: Path, animal: str, conditions: list[str], held_out: Sequen
 
 def _flow_unit(folder: Path, animal: str, beats: dict[str, pd.DataFrame], heading: str) -> tuple[str, float]:
     """Return the unit of the flow column, and one mL/min in it."""
-    largest = max(float(np.abs(frame[FLOW]).mean()) for frame in beats.values())
+    means = {name: float(np.abs(frame[FLOW]).mean()) for name, frame in beats.items()}
+    least, largest = min(means, key=lambda name: means[name]), max(means.values())
     unit, per_minute = ("mL/min", 1.0) if heading == "ml/min" or largest > LARGEST_FLOW else ("mL/s", 1.0 / 60.0)
+    if heading == "ml/s" and unit == "mL/min" and means[least] < SD_FLOW:
+        remedy = f"mL/s as its heading says, or mL/min as {largest:.3g} elsewhere; write the unit in every heading"
+        raise InputError(folder / f"{animal}_{least}.csv", "mean flow", float(f"{means[least]:.3g}"), remedy)
     if heading == "ml/s" and unit == "mL/min":
         note = f"note: {folder}: {animal}: flow with heading ml/s, mean {largest:.3g}, is read as mL/min"
         print(note, file=sys.stderr, flush=True)
