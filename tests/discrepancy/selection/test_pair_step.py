@@ -49,6 +49,8 @@ def test_two_effects_give_way_to_two_that_are_right_together():
     assert [entry.accepted.placed for entry in rounds] == list(hypothesis)
     for entry in rounds:
         assert entry.others == hypothesis.without(entry.accepted.placed)
+        # Nothing else was fitted beside the other one.
+        assert [member.share for member in entry.members] == [1.0]
 
 
 def test_no_exchange_of_one_of_them_would_do():

@@ -57,7 +57,8 @@ def pair_step(
     pair, both, found = best
     for entry, candidate in zip(old, pair, strict=True):
         named = replace(candidate, fit=found)
-        rounds = replaced(rounds, entry, Round([named], named, [named], scored, both.without(candidate.placed)))
+        decided = Round([], None, scored=scored).decided(named, [named], both.without(candidate.placed))
+        rounds = replaced(rounds, entry, decided)
     return both, found, rounds
 
 
