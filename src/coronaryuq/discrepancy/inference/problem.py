@@ -293,15 +293,16 @@ class Problem:
         return Fit(z, residual[self.train], jacobian[self.train], flexible=self.flexible)
 
     def fit_candidates(
-        self, base: Fit, hypothesis: Hypothesis, candidates: list[PlacedEffect], guesses: list[np.ndarray]
+        self, base: Fit, hypothesis: Hypothesis, candidates: list[PlacedEffect], guesses: Sequence[np.ndarray | Fit]
     ) -> list[Fit | None]:
         """Fit one more effect each, as `fit_roughly`, and those not far behind the best also from other points.
 
-        guesses: starting sizes of each. All take two iterations from there, those not far behind the best also from
-        `starts - 1` other points; of each of these, the best so far continues. Returns the best fit of each, None if no
-        run succeeded.
+        guesses: starting sizes of each, or points. All take two iterations from there, those not far behind the best
+        also from `starts - 1` other points; of each of these, the best so far continues. Returns the best fit of each,
+        None if no run succeeded.
         """
         best: list[Fit | None] = [None] * len(candidates)
+        sizes = [len(placed.effect.parameters) for placed in candidates]
 
         def search(numbers: Sequence[int], starts: Sequence[np.ndarray | Fit], iterations: int) -> None:
             fits = self.fit_roughly(base, hypothesis, [candidates[i] for i in numbers], starts, iterations, candidates)
@@ -313,11 +314,11 @@ class Problem:
         search(range(len(candidates)), guesses, 2)
         # The solver may fail at a size although it runs at a smaller one.
         failed = [i for i, fit in enumerate(best) if fit is None]
-        search(failed, [np.full(len(guesses[i]), SMALLER) for i in failed], 2)
+        search(failed, [np.full(sizes[i], SMALLER) for i in failed], 2)
         leading = max((fit.evidence for fit in best if fit is not None), default=0.0)
         close = [i for i, fit in enumerate(best) if fit and fit.evidence > leading - RULE.far_behind]
         others = [(i, size) for size in OTHER_STARTS[: self.settings.starts - 1] for i in close]
-        search([i for i, _ in others], [np.full(len(guesses[i]), size) for i, size in others], 2)
+        search([i for i, _ in others], [np.full(sizes[i], size) for i, size in others], 2)
         search(close, [fit for i in close if (fit := best[i])], self.settings.iterations)
         return best
 

@@ -9,23 +9,7 @@ from pathlib import Path
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.wording import capitalised, interval_text, listed, p_text
 from coronaryuq.discrepancy.decision_rule import RULE
-from coronaryuq.discrepancy.result.phrases import (
-    EXPECTED_MISFIT,
-    UNPREDICTED,
-    class_probability_text,
-    conflict_text,
-    detectable_text,
-    label_text,
-    misfit_change,
-    next_measurement_text,
-    noise_notes,
-    outlier_notes,
-    overstated_sd_warning,
-    prediction_warning,
-    size_text,
-    sizes_by_condition,
-    varying_text,
-)
+from coronaryuq.discrepancy.result import phrases
 from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OTHER, UNLISTED, VARYING
 
 STAND_IN = "it may be a surrogate for a mechanism outside the library. "
@@ -53,7 +37,7 @@ def paragraph(answer: Mapping) -> str:
     """
     facts, gaps, held_out = answer["facts"], answer["held_out"], _held_out(answer)
     count, p = facts["measurements"], answer["global_test"]["p"]
-    data_notes = noise_notes(answer["noise"]) + outlier_notes(answer["outliers"])
+    data_notes = phrases.noise_notes(answer["noise"]) + phrases.outlier_notes(answer["outliers"])
     if answer["consistent"]:
         nothing = facts["answer"]["probabilities"][NOTHING]
         other = f"; that something is missing, {1.0 - nothing:.2f}" if nothing < SURE else ""
@@ -65,12 +49,14 @@ def paragraph(answer: Mapping) -> str:
         )
         text = data_notes + (
             f"After recalibration, the model {agreement} (probability {nothing:.2f}{other}). "
-            + conflict_text("Recalibration moves", answer["prior_conflicts"])
-            + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({EXPECTED_MISFIT}). "
-            + detectable_text(answer["detectable"])
+            + phrases.conflict_text("Recalibration moves", answer["prior_conflicts"])
+            + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({phrases.EXPECTED_MISFIT}). "
+            + phrases.detectable_text(answer["detectable"])
         )
         return (
-            text + overstated_sd_warning(facts["objective"], count) + prediction_warning(gaps["p_held_out"], held_out)
+            text
+            + phrases.overstated_sd_warning(facts["objective"], count)
+            + phrases.prediction_warning(gaps["p_held_out"], held_out)
         )
     text = data_notes + (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can explain "
@@ -79,7 +65,7 @@ def paragraph(answer: Mapping) -> str:
         else f"The global test of the {count} fitted measurements finds no misfit ({p_text(p)}), but all data together "
         "are more probable if something is missing. "
     )
-    text += conflict_text("Recalibration has to move", answer["prior_conflicts"])
+    text += phrases.conflict_text("Recalibration has to move", answer["prior_conflicts"])
     if answer["outside_library"]:
         said = text + _outside_library(answer, held_out)
         return said + ("" if _unseen(answer, held_out) else _shown(facts, answer["unknown_source"]))
@@ -107,23 +93,25 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         )
     if not best:
         return f"{start}. {RESIDUALS}"
-    labels = listed([label_text(effect) for effect in best])
+    labels = listed([phrases.label_text(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (
         f"With {labels}, the misfit on {_held_out_text(answer)} "
-        f"{misfit_change(gaps['before']['misfit'], gaps['after']['misfit'])}."
+        f"{phrases.misfit_change(gaps['before']['misfit'], gaps['after']['misfit'])}."
     )
     if forms["leading_form"] == MISWIRED:
         return _miswired(answer)
     implausible = [effect for effect in best if effect["implausible"]]
     if implausible:
-        sizes = listed([f"{label_text(effect)} ({size_text(effect['sizes'])})" for effect in implausible])
+        sizes = listed(
+            [f"{phrases.label_text(effect)} ({phrases.size_text(effect['sizes'])})" for effect in implausible]
+        )
         reason = (
             f"{candidate} {'is' if one else 'are'} {labels}, but with an implausibly large size, more than "
             f"{RULE.implausible:.0f} standard deviations of its prior: {sizes}. No effect is named. {change}"
         )
     elif forms["leading_form"] == VARYING and any(effect["varying"] for effect in best):
-        reason = f"{varying_text(best)}. No effect is named. {change}"
+        reason = f"{phrases.varying_text(best)}. No effect is named. {change}"
     elif forms["leading_form"] == UNLISTED:
         reason = (
             f"{candidate} {'is' if one else 'are'} {labels}, but one linear response of the device that reads "
@@ -154,7 +142,7 @@ def _miswired(answer: Mapping) -> str:
     """State the wiring errors that were found, or that are likelier than the effects found."""
     best, forms = answer["facts"]["best"], answer["facts"]["answer"]["forms_of_something_else"]
     errors = [(error["error"], error["place"]) for error in answer["wiring_errors"]]
-    others = [label_text(effect) for effect in best if (effect["effect"], effect["place"]) not in errors]
+    others = [phrases.label_text(effect) for effect in best if (effect["effect"], effect["place"]) not in errors]
     text = (
         f"The measurements indicate a wiring error of the model (probability {forms[MISWIRED]:.2f}): "
         f"{listed([_wiring(error) for error in answer['wiring_errors']])}. No effect is named; rewired.json is the "
@@ -216,12 +204,13 @@ def _source(found: Mapping | None) -> str:
 def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
     """Describe a named effect: probability, size, measurements that would distinguish its class, and doubts."""
     facts = next(e for e in best if (e["effect"], e["place"]) == (named["effect"], named["place"]))
-    text = f"{label_text(named)} ({class_probability_text(named['class'])}; {size_text(facts['sizes'])}). "
+    probability, size = phrases.class_probability_text(named["class"]), phrases.size_text(facts["sizes"])
+    text = f"{phrases.label_text(named)} ({probability}; {size}). "
     text += facts["assumption"]
     if named["wiring_errors"]:
         statements = listed([f"{one['statement']} ({one['probability']:.2f})" for one in named["wiring_errors"]])
         text += f"These data do not exclude a wiring error of the model instead: {statements}. "
-    text += next_measurement_text(named["next_measurements"])
+    text += phrases.next_measurement_text(named["next_measurements"])
     for size in facts["beyond_prior"]:
         text += (
             f"Its {size['label']} lies outside the central 99 % of its prior "
@@ -230,7 +219,7 @@ def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
     if facts["varying"]:
         text += (
             "Its size differs when it is fitted to each condition separately "
-            f"({sizes_by_condition(facts['varying'])}): "
+            f"({phrases.sizes_by_condition(facts['varying'])}): "
             f"it may change between conditions, or {STAND_IN.removeprefix('it ')}"
         )
     nats = (named["log_evidence"] or {}).get("held_out")
@@ -243,7 +232,7 @@ def _not_confirmed(answer: Mapping) -> str:
     """List effects that the fitted measurements suggest but the held-out data do not confirm."""
     if not (answer["named"] and answer["not_confirmed"]):
         return ""
-    effects = [label_text(effect) for effect in answer["not_confirmed"]]
+    effects = [phrases.label_text(effect) for effect in answer["not_confirmed"]]
     them = "it" if len(effects) == 1 else "them"
     return f"The fitted measurements also suggest {listed(effects)}, but the held-out data do not confirm {them}. "
 
@@ -252,7 +241,7 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
     """State the change of the held-out misfit and what remains unexplained."""
     gaps, p, named = answer["held_out"], answer["remaining"]["p"], bool(answer["named"])
     before, after = gaps["before"], gaps["after"]
-    text = f"On {_held_out_text(answer)} the misfit {misfit_change(before['misfit'], after['misfit'])}. "
+    text = f"On {_held_out_text(answer)} the misfit {phrases.misfit_change(before['misfit'], after['misfit'])}. "
     if named and not held_out:
         one = len(answer["held_out"]["conditions"]) == 1
         remedy = "measure another condition and hold it out" if one else "hold a condition out"
@@ -262,12 +251,14 @@ def _remaining(answer: Mapping, held_out: list[str]) -> str:
             "The held-out data are predicted worse with the named effects than with recalibration alone (log "
             f"predictive density per row {after[DENSITY]:.2f}, {before[DENSITY]:.2f}). "
         )
-    if named and gaps["p_held_out"] < UNPREDICTED:
+    if named and gaps["p_held_out"] < phrases.UNPREDICTED:
         text += f"The named effects do not predict all of the held-out data ({p_text(gaps['p_held_out'])}). "
     left = answer["facts"]["unexplained"]
     text += f"{'Something remains unexplained' if left else 'The fitted data show no further misfit'} ({p_text(p)}). "
     if named:
-        text += conflict_text("With the named effects, recalibration still moves", answer["prior_conflicts_remaining"])
+        text += phrases.conflict_text(
+            "With the named effects, recalibration still moves", answer["prior_conflicts_remaining"]
+        )
     return text
 
 

@@ -28,9 +28,9 @@ class Candidate:
     log_prior: its part of the prior of named effects. z_score: score test; p_varying: p-value of the test with one size
     per condition. signal: what the fitted data would show of its typical size, in noise standard deviations, after
     recalibration. estimate: log evidence with it, and guess: its size z, both from a few runs. response: change (N,) of
-    whitened predictions by a small size about the point where it was last run. fit: together with the other effects,
-    its own sizes last; multistart: best fit from the prior mean, if that was needed. share: probability given that one
-    of those fitted in the round is what is missing.
+    whitened predictions by a small size about the point where it was last run. rough: fit of an exchange of channels
+    from there. fit: together with the other effects, its own sizes last; multistart: best fit from the prior mean, if
+    that was needed. share: probability given that one of those fitted in the round is what is missing.
     """
 
     placed: PlacedEffect
@@ -41,6 +41,7 @@ class Candidate:
     estimate: float = -np.inf
     guess: float = 0.0
     response: np.ndarray | None = None
+    rough: Fit | None = None
     fit: Fit | None = None
     multistart: Fit | None = None
     share: float = 0.0
@@ -67,6 +68,11 @@ class Candidate:
     def p_value(self) -> float:
         """Magnitude of the score test alone."""
         return float(stats.norm.sf(self.z_score)) * (1.0 if self.one_sided else 2.0) if self.z_score > 0 else 1.0
+
+    @property
+    def possible(self) -> bool:
+        """Whether the score test does not exclude it; of an exchange, no small change, that test says nothing."""
+        return self.z_score > RULE.shortlist_score or self.effect.exchanges
 
     @property
     def promise(self) -> float:
@@ -206,7 +212,7 @@ def shortlist(candidates: Iterable[Candidate], count: int, present: Fit | None =
         gain = max(0.0, ranked[0].estimate - present.evidence)
         least = ranked[0].promise - RULE.contender_gap - RULE.contender_share * gain
     clearest = best_of_effects(sorted(ranked, key=lambda c: -c.z_score), RULE.likeliest_effects)
-    chosen = [c for c in dict.fromkeys((*ranked[:count], *clearest)) if c.z_score > RULE.shortlist_score]
+    chosen = [c for c in dict.fromkeys((*ranked[:count], *clearest)) if c.possible]
     for best in best_of_effects(ranked, len(ranked)):
         if best not in chosen and best.z_score > RULE.shortlist_effect_score and best.promise > least:
             chosen.append(best)
@@ -215,7 +221,7 @@ def shortlist(candidates: Iterable[Candidate], count: int, present: Fit | None =
 
 def likely(candidates: Iterable[Candidate]) -> list[Candidate]:
     """Return the most promising of those that the score test does not exclude, to be screened again."""
-    visible = (c for c in candidates if c.z_score > RULE.shortlist_score)
+    visible = (c for c in candidates if c.possible)
     return sorted(visible, key=lambda c: -c.promise)[: RULE.reconsidered]
 
 

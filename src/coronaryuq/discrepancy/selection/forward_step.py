@@ -6,6 +6,7 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.selection import refit
 from coronaryuq.discrepancy.selection.candidates import (
     Candidate,
     Round,
@@ -17,15 +18,6 @@ from coronaryuq.discrepancy.selection.candidates import (
     shortlist,
     updated,
     with_shares,
-)
-from coronaryuq.discrepancy.selection.refit import (
-    exact,
-    fit_each,
-    fit_shortlist,
-    may_be_in_class,
-    point_without,
-    quick_fits,
-    with_own_time_steps,
 )
 from coronaryuq.discrepancy.selection.score_test import screen
 
@@ -45,7 +37,7 @@ def forward_step(
     if point is not fit:
         candidates, from_point = _seen_from(problem, point, hypothesis, candidates)
     chosen = shortlist(candidates, problem.settings.shortlist, fit if hypothesis else None)
-    fitted = fit_shortlist(problem, fit, hypothesis, chosen, point, from_point)
+    fitted = refit.fit_shortlist(problem, fit, hypothesis, chosen, point, from_point)
     pool = {c.placed: c for c in (*candidates, *fitted)}
     for _ in range(RULE.second_looks if _fitted(pool) else 0):
         before = _best(pool)
@@ -56,7 +48,7 @@ def forward_step(
     tried = _fitted(pool)
     worth = _worth_naming(fit, tried, least)
     if not worth:
-        corrected = with_own_time_steps(problem, hypothesis, best_of_effects(tried, RULE.likeliest_effects))
+        corrected = refit.with_own_time_steps(problem, hypothesis, best_of_effects(tried, RULE.likeliest_effects))
         tried = sorted(updated(tried, corrected), key=lambda c: -c.log_weight)
         worth = _worth_naming(fit, tried, least)
     if not worth:
@@ -105,13 +97,13 @@ def look_again(
     """
     if problem.distorted(best.fitted):
         return pool, []
-    point = point_without(best)
+    point = refit.point_without(best)
     likely_ones = [replace(c, fit=None) for c in likely(pool.values())]
     fresh = screen(problem, point, hypothesis, likely_ones)
     near = sorted((c for c in fresh if c.promise > best.log_weight - RULE.contender_gap), key=lambda c: -c.promise)
     waiting = [c for c in near if c.promise > pool[c.placed].log_weight + RULE.second_look_gain]
     waiting = waiting[: RULE.rivals]
-    for refitted in fit_each(problem, hypothesis, waiting, point, least_weight(best, fit), fit.evidence):
+    for refitted in refit.fit_each(problem, hypothesis, waiting, point, least_weight(best, fit), fit.evidence):
         known = replace(pool[refitted.placed], multistart=refitted.multistart)
         better = refitted.log_weight > known.log_weight
         pool = pool | {known.placed: replace(known, fit=refitted.fit) if better else known}
@@ -125,13 +117,13 @@ def fit_class(problem: Problem, best: Candidate, hypothesis: Hypothesis, pool: P
     sensitivities except those to their own sizes stay those of the best fit, from which theirs hardly differ; a
     candidate that becomes the best is fitted in full.
     """
-    waiting = [c for c in near if pool[c.placed].fit is None and may_be_in_class(c, best)]
+    waiting = [c for c in near if pool[c.placed].fit is None and refit.may_be_in_class(c, best)]
     if not waiting:
         return pool
-    fits = quick_fits(problem, hypothesis, waiting, point_without(best))
+    fits = refit.quick_fits(problem, hypothesis, waiting, refit.point_without(best))
     pool = pool | {c.placed: replace(pool[c.placed], fit=fit) for c, fit in zip(waiting, fits, strict=True) if fit}
     ahead = _best(pool)
     if ahead.placed == best.placed:
         return pool
-    full = exact(problem, hypothesis.with_(ahead.placed), ahead.fitted.z)
+    full = refit.exact(problem, hypothesis.with_(ahead.placed), ahead.fitted.z)
     return pool | {ahead.placed: replace(ahead, fit=full or ahead.fit)}

@@ -27,10 +27,10 @@ def fit_shortlist(
     base: that fit. from_point: those fitted from another point instead.
     """
     fits: dict[PlacedEffect, Fit | None] = {}
-    for start, elsewhere in ((base, False), (point, True)):
+    for about, elsewhere in ((base, False), (point, True)):
         own = [c for c in candidates if (c.placed in from_point) is elsewhere]
-        placed = [c.placed for c in own]
-        fits |= zip(placed, problem.fit_candidates(start, hypothesis, placed, [c.start for c in own]), strict=True)
+        placed, starts = [c.placed for c in own], [c.rough or c.start for c in own]
+        fits |= zip(placed, problem.fit_candidates(about, hypothesis, placed, starts), strict=True)
     candidates = _with_fits(candidates, [fits[c.placed] for c in candidates])
     contenders = _contenders(candidates, base)
     candidates = updated(candidates, _with_fits(contenders, _in_full(problem, hypothesis, contenders)))
@@ -95,7 +95,8 @@ def with_own_time_steps(problem: Problem, hypothesis: Hypothesis, candidates: li
 
 def quick_fits(problem: Problem, hypothesis: Hypothesis, candidates: list[Candidate], point: Fit) -> list[Fit | None]:
     """Fit candidates from a point and their guesses, with all other sensitivities frozen."""
-    return problem.fit_roughly(point, hypothesis, [c.placed for c in candidates], [c.start for c in candidates])
+    starts = [c.rough or c.start for c in candidates]
+    return problem.fit_roughly(point, hypothesis, [c.placed for c in candidates], starts)
 
 
 def exact(problem: Problem, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit | None:

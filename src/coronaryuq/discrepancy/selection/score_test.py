@@ -14,6 +14,7 @@ from coronaryuq.discrepancy.inference.flexible import RIGHT, Flexible, Projectio
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.exchange import weighed
 
 POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
 """Sizes that are run, in prior standard deviations; the score test uses the first."""
@@ -47,6 +48,7 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
     run = [c for c in candidates if c.placed not in scored] + _worth_rerunning(scored.values())
     responses = _responses(problem, runnable, hypothesis, [(c, first_size(c)) for c in run])
     run = [linear.test(replace(c, response=response)) for c, response in zip(run, responses, strict=True)]
+    run = weighed(problem, runnable, hypothesis, run, [first_size(c) for c in run])
     scored |= {c.placed: c for c in run}
     shape_changing = [c for c in run if c.effect.changes_shape]
     ranked = sorted(

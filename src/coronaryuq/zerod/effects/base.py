@@ -220,6 +220,9 @@ class Effect(ABC):
         """Return the added vessel of a loss within a vessel, and its start and end in it, cm; None without one."""
         return None
 
+    exchanges: ClassVar[bool] = False
+    """Whether two readings are exchanged, which is like an exchange of data."""
+
     @property
     def reads_elsewhere(self) -> bool:
         """Whether a reading contains a waveform of another location."""

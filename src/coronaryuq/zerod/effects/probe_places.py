@@ -106,6 +106,8 @@ class MisplacedFlow(_Misplaced):
 class _Exchanged(_ReadsElsewhere):
     """Two channels of one quantity connected to each other's sensors. Places: each pair."""
 
+    exchanges = True
+
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [AND.join(pair) for pair in combinations(super().places(anatomy, observed), 2)]
 
