@@ -78,12 +78,13 @@ def about(problem: Problem, point: Fit, candidate: Candidate, size: float) -> Fi
 def weighed(
     problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: list[Candidate], sizes: list[float]
 ) -> list[Candidate]:
-    """Return candidates screened at some sizes z, of which possible exchanges have a rough fit and its evidence."""
+    """Return candidates screened at some sizes z, of which exchanges have a rough fit where that promises more."""
     each = {c.placed: about(problem, point, c, size) for c, size in zip(candidates, sizes, strict=True)}
     least = max((c.estimate for c in candidates), default=0.0) - RULE.far_behind
     ran = {placed: fit for placed, fit in each.items() if fit and np.isfinite(fit.residual).all()}
     # The whole way to the linear optimum, which is where the parameters were before they adapted.
     optima = {p: replace(fit, z=fit.promised.moments()[0]) for p, fit in ran.items() if fit.promised.right > least}
     rough = dict(zip(optima, problem.fit_roughly(point, hypothesis, [*optima], [*optima.values()]), strict=True))
-    candidates = [replace(c, rough=rough.get(c.placed)) for c in candidates]
+    better = {c.placed: fit for c in candidates if (fit := rough.get(c.placed)) and fit.evidence > c.estimate}
+    candidates = [replace(c, rough=better.get(c.placed)) for c in candidates]
     return [replace(c, estimate=c.rough.evidence, guess=float(c.rough.z[-1])) if c.rough else c for c in candidates]
