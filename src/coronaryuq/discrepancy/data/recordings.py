@@ -21,6 +21,7 @@ from coronaryuq.discrepancy.data.beat import AORTA, FLOW, TIME, VENTRICLE, check
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, check_name, write_drive
 from coronaryuq.zerod.effects.grafting import put_ahead
 from coronaryuq.zerod.effects.quadratic import TAG
+from coronaryuq.zerod.effects.readings import PER_SECOND
 from coronaryuq.zerod.network.differences import LOSS
 
 REFERENCE = ("baseline", "rest", "control")
@@ -36,9 +37,6 @@ LARGEST_FLOW = 5.0
 SD_FLOW, SD_SHARE = 1.0, 0.05
 """Standard deviation of flow: two steps of the recorder (mL/min), and a fraction of the mean."""
 SD_MEAN = 0.03
-USED_PER_SECOND = 150.0
-"""Approximate number of flow readings used per second: the noise of more frequent readings is not independent, as is
-assumed here, and interpolated readings add no information."""
 VENOUS = 5.0 * units.MMHG
 _NAMES = {TIME: ("t abs", "time", "t"), AORTA: ("aop",), VENTRICLE: ("lvp",)}
 _TIMES = {"s": 1.0, "ms": 1e-3}
@@ -152,7 +150,8 @@ def _flow_rows(time: np.ndarray, flow: np.ndarray, per_minute: float) -> list[tu
     """Statistic, time, value and standard deviation of the used readings and of their mean."""
     mean = float(np.trapezoid(flow, time) / time[-1])
     sd = float(np.hypot(SD_FLOW * per_minute, SD_SHARE * mean))
-    every = max(1, round((len(time) - 1) / time[-1] / USED_PER_SECOND))
+    # Left out, not averaged: neighbouring readings of a recorder share errors, and interpolated ones say nothing.
+    every = max(1, round((len(time) - 1) / time[-1] / PER_SECOND))
     waveform = [("waveform", t, q, sd) for t, q in zip(time[:-1:every], flow[:-1:every], strict=True)]
     return [*waveform, ("mean", "", mean, max(SD_MEAN * abs(mean), 0.3 * per_minute))]
 

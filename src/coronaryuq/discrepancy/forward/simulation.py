@@ -24,7 +24,7 @@ MOST_ENGINES = 150
 TOLERANCE = 1e-4
 """Cycle error of a run, well below the changes in finite differences."""
 PATIENCE = 6
-"""Number of cycles without halving of the cycle error after which a run counts as stalled."""
+"""Number of cycles without halving of the cycle error after which a run has failed."""
 LOOSE, MOST_CYCLES = 5e-3, 25
 """Accepted cycle error if a run cannot reach `TOLERANCE` because valves open a step earlier or later."""
 NEAR_SETTLED = 0.2
