@@ -18,12 +18,18 @@ def told(form, wiring_errors=()):
 
 
 def test_the_device_of_an_unlisted_response_is_told():
-    form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": UNLISTED, "device": "pressure at a:b"}
+    form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": UNLISTED}
+    form |= {"device": "pressure at a:b", "picked_up": ""}
     assert told(form).startswith(
         "Something other than an effect of the library is missing (probability 0.98): the best candidates are pressure "
         "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
         "of a shape that the library does not list, is likelier. No effect is named. "
     )
+
+    assert (
+        "but it is likelier that the device that reads pressure at a:b also picks up the flow at b:BC_b, through a "
+        "linear response that the library does not list. No effect is named. "
+    ) in told(form | {"picked_up": "flow at b:BC_b"})
 
 
 def test_a_wiring_error_is_told_as_what_is_wrong_in_the_model():

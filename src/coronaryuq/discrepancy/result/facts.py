@@ -43,6 +43,7 @@ def facts(discovery: Discovery) -> dict:
                 dict(zip((*WHERE, "probability"), (*where, p), strict=True)) for where, p in answer.shown.items()
             ],
             "device": answer.device,
+            "picked_up": answer.picked_up,
             "support_nats": answer.support,
         },
         "unexplained": bool(discovery.remaining.alarm(level)),

@@ -113,10 +113,14 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     elif forms["leading_form"] == VARYING and any(effect["varying"] for effect in best):
         reason = f"{phrases.varying_text(best)}. No effect is named. {change}"
     elif forms["leading_form"] == UNLISTED:
-        reason = (
-            f"{candidate} {'is' if one else 'are'} {labels}, but one linear response of the device that reads "
-            f"{forms['device']}, of a shape that the library does not list, is likelier. No effect is named. {change}"
+        unlisted = (
+            f"it is likelier that the device that reads {forms['device']} also picks up the {forms['picked_up']}, "
+            "through a linear response that the library does not list"
+            if forms["picked_up"]
+            else f"one linear response of the device that reads {forms['device']}, of a shape that the library does "
+            "not list, is likelier"
         )
+        reason = f"{candidate} {'is' if one else 'are'} {labels}, but {unlisted}. No effect is named. {change}"
     elif forms["support_nats"] < 1.0:
         reason = f"no effect of the library explains any of it. {RESIDUALS} No effect is named."
     else:

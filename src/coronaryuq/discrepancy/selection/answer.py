@@ -7,7 +7,7 @@ Hypotheses, with their prior probabilities, and the evidence of all data (`flexi
 - something else is missing: the recalibrated model and an unknown error of any size; or, because something else may
   resemble effects of the library, the model with these and such an error, or with a size that differs between
   conditions, or with a wiring error of the model in place of an effect, or with a response of a device that is not
-  listed in place of the errors found on that device.
+  listed: to what it reads, in place of the errors found on that device, or to another channel, in place of any effects.
 
 The most probable answer is given, with its probability: what a wrong one costs, only its reader knows.
 """
@@ -25,6 +25,7 @@ from coronaryuq.discrepancy.inference.evidence import Evidence, Where
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.size_constancy import Constancy, constancy
+from coronaryuq.discrepancy.selection.unlisted_pickup import share_of_pickups, unlisted_pickups
 from coronaryuq.discrepancy.selection.unlisted_response import (
     log_prior_of_errors,
     share_of_responses,
@@ -56,7 +57,9 @@ class Answer:
         Quantity, place and condition (empty: every one) of the data in which something else shows → probability, if it
         is of the form `ALONE` or `REMAINDER`; they add up to 1.
     device
-        What the device reads whose unlisted response is likeliest; empty where no error of a device was found.
+        What the device reads whose unlisted response is likeliest; empty if there is none.
+    picked_up
+        The signal to which it responds, if that is not what it reads.
     log_evidence
         Log evidence of all data for all answers together, weighted by their priors.
     support
@@ -73,6 +76,7 @@ class Answer:
     forms: dict[str, float]
     shown: dict[Where, float]
     device: str
+    picked_up: str
     log_evidence: float
     support: float
     wiring_errors: list[PlacedEffect]
@@ -137,7 +141,7 @@ def answer(
     implausible = beyond(fit, hypothesis, RULE.implausible)
     constancies: list[Constancy] = []
     nothing, alone = without_effects(plain)
-    named, device, other, seen = -np.inf, "", {ALONE: alone}, plain
+    named, unlisted, other, seen = -np.inf, ("", ""), {ALONE: alone}, plain
     if hypothesis:
         model, lacking = linearise(problem, fit.z, hypothesis), fit.unreached
         constancies = constancy(problem, model, hypothesis)
@@ -150,11 +154,13 @@ def answer(
         other[VARYING] = right + OUTSIDE + VARIES + float(logsumexp([entry.log_odds for entry in constancies]))
         other[MISWIRED] = right + float(logsumexp([0.0 if wiring else -np.inf, *rivals.values()]))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
-        other[UNLISTED] = float(logsumexp([-np.inf, *responses.values()])) - lacking
-        if responses:
-            # Elsewhere the flexible error stands for these, too.
-            other[ALONE] += np.log1p(-share_of_responses(possible))
-        device = max(responses, key=lambda reads: responses[reads], default="")
+        pickups = unlisted_pickups(problem, model, hypothesis, log_priors, possible)
+        either = {(device, ""): weight for device, weight in responses.items()} | pickups
+        other[UNLISTED] = float(logsumexp([-np.inf, *either.values()])) - lacking
+        # Elsewhere the flexible error stands for these, too.
+        shares = share_of_responses(possible) * bool(responses), share_of_pickups(possible) * bool(pickups)
+        other[ALONE] += np.log1p(-sum(shares))
+        unlisted = max(either, key=lambda one: either[one], default=unlisted)
         if implausible and not wiring:
             other[ALONE] = float(np.logaddexp(other[ALONE], right))
         elif not wiring:
@@ -168,7 +174,7 @@ def answer(
         wiring = [max(rivals, key=lambda placed: rivals[placed])]
     support = found.unknown - plain.unknown if hypothesis else 0.0
     shown = dict(zip(seen.shown, softmax(list(seen.shown.values())).tolist(), strict=True))
-    return Answer(probabilities, forms, shown, device, total, support, wiring, implausible, constancies)
+    return Answer(probabilities, forms, shown, *unlisted, total, support, wiring, implausible, constancies)
 
 
 def beyond(fit: Fit, hypothesis: Hypothesis, bound: float) -> list[PlacedEffect]:

@@ -51,8 +51,8 @@ class UnlistedResponse(LinearFilter):
 
 
 @lru_cache(maxsize=64)
-def shapes(time_scale: float, frequency: bytes) -> np.ndarray:
-    """Return the change (`SHAPES`, k) of the transfer function by each shape of unit weight.
+def late_parts(time_scale: float, frequency: bytes) -> np.ndarray:
+    """Return the transfer function (`SHAPES`, k) of the part of a signal that each shape of unit weight delays.
 
     Parameters
     ----------
@@ -64,11 +64,19 @@ def shapes(time_scale: float, frequency: bytes) -> np.ndarray:
     Returns
     -------
     ndarray
-        Complex, zero at zero frequency.
+        Complex.
     """
     lags = np.linspace(0.0, LONGEST * time_scale, LAGS)
     rates = np.pi * (np.arange(SHAPES)[:, None] + 0.5)
     # Brownian motion has the shapes sqrt(2) sin(rate v) / rate.
     weights = np.sin(rates * np.exp(-lags / time_scale)) / rates / time_scale
     weights *= (lags[1] - lags[0]) * np.where((lags == lags[0]) | (lags == lags[-1]), 0.5, 1.0)
-    return weights @ np.expm1(-2j * np.pi * np.multiply.outer(lags, np.frombuffer(frequency)))
+    return weights @ np.exp(-2j * np.pi * np.multiply.outer(lags, np.frombuffer(frequency)))
+
+
+def shapes(time_scale: float, frequency: bytes) -> np.ndarray:
+    """Return the change (`SHAPES`, k) of the transfer function by each shape of unit weight; as `late_parts`.
+
+    What arrives late is missing where it would have been, so that it is zero at zero frequency.
+    """
+    return late_parts(time_scale, frequency) - late_parts(time_scale, np.zeros(1).tobytes())
