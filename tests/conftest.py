@@ -34,3 +34,15 @@ def shared() -> Path:
     if not (folder / "data").is_dir():
         pytest.skip("needs the real data in ../shared")
     return folder
+
+
+@pytest.fixture(scope="session")
+def stenosis_case(tmp_path_factory):
+    """Folder of a case of the search with a hidden stenosis, and what was hidden."""
+    from coronaryuq.bench.discrepancy.cases import Case
+    from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+    from coronaryuq.bench.discrepancy.trial import hide
+
+    folder = tmp_path_factory.mktemp("case")
+    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "nominal", 5), open_loop(), folder)
+    return folder, truth

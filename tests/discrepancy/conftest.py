@@ -3,19 +3,8 @@
 import pandas as pd
 import pytest
 
-from coronaryuq.bench.discrepancy.cases import Case
-from coronaryuq.bench.discrepancy.hidden_cases import open_loop
-from coronaryuq.bench.discrepancy.trial import hide
 from coronaryuq.cli import main
 from coronaryuq.core.errors import InputError
-
-
-@pytest.fixture(scope="session")
-def stenosis_case(tmp_path_factory):
-    """Folder of a case with a hidden stenosis, and what was hidden."""
-    folder = tmp_path_factory.mktemp("case")
-    truth, _ = hide(Case(("quadratic_stenosis",), "medium", "nominal", 5), open_loop(), folder)
-    return folder, truth
 
 
 @pytest.fixture

@@ -10,9 +10,10 @@ import yaml
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import hide
+from coronaryuq.cli import discrepancy as command
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
-from coronaryuq.discrepancy import command, search_case
+from coronaryuq.discrepancy import search_case
 from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.result import write
 from coronaryuq.discrepancy.settings import Settings
@@ -26,7 +27,7 @@ def test_a_stenosis_case_is_named_located_and_repaired(stenosis_case, tmp_path, 
     assert command.main(case_arguments(folder, tmp_path)) == 0
     text = capsys.readouterr()
     assert (
-        "\nbest: quadratic_stenosis at " in text.err and "checking each effect by all data" in text.err.splitlines()[-1]
+        "\nbest: quadratic_stenosis at " in text.err and "checking each effect by all data" in text.err.splitlines()[-2]
     )
     answer = json.loads(text.out)
     one, place = truth.hypothesis.effects[0]

@@ -42,7 +42,7 @@ COMMANDS = {
     "solve": ("zerod.command", "solve one 0D network, in svZeroDSolver's formats"),
     "tune": ("calibration.command", "tune a closed loop to a table of clinical targets"),
     "fit": ("posterior.command", "fit the resistances of coronary beds to a table of flows"),
-    "discrepancy": ("discrepancy.command", "find physical effects that a model is missing"),
+    "discrepancy": ("cli.discrepancy", "find physical effects that a model is missing"),
     "serve": ("serve.command", "serve the models of a campaign to UM-Bridge clients"),
 }
 """Command → module with its `add_arguments` and `main`."""

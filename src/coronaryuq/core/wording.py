@@ -1,6 +1,7 @@
 """Wording of sentences: lists, numbers with intervals, p-values."""
 
 from collections.abc import Sequence
+from math import ceil, floor, inf, log10
 
 
 def listed(words: Sequence[str]) -> str:
@@ -14,11 +15,17 @@ def capitalised(text: str) -> str:
 
 
 def interval_text(value: float, low: float, high: float) -> str:
-    """Format a value with its interval, to two digits or as many as tell the ends from the value, if they differ."""
-    for digits in range(2, 7):
-        text, *ends = (f"{one:.{digits}g}" for one in (value, low, high))
-        if text not in ends or value in (low, high):
-            break
+    """Format a value with its interval, all three to the same decimals: the width has one or two digits."""
+    if not 0.0 < high - low < inf:
+        text, *ends = (f"{one:.2g}" for one in (value, low, high))
+        return f"{text} ({' to '.join(ends)})"
+    decimals = ceil(-log10((high - low) / 4.0))
+    if max(abs(low), abs(high)) < 1e-3:  # in powers of ten
+        power = floor(log10(max(abs(low), abs(high))))
+        text, *ends = (f"{one / 10.0**power:.{max(decimals + power, 0)}f}e{power:03d}" for one in (value, low, high))
+    else:
+        # Zero is added because a negative value may round to -0.
+        text, *ends = (f"{round(one, decimals) + 0.0:.{max(decimals, 0)}f}" for one in (value, low, high))
     return f"{text} ({' to '.join(ends)})"
 
 

@@ -5,6 +5,7 @@ With the case of the network and its tree, vessels, beds and places have the nam
 
 from collections.abc import Callable
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.style import MUTED, saved
 from coronaryuq.figures.units_shown import shown_in
+from coronaryuq.zerod.effects.library import effect as named_effect
 
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#8C7AB8", "#B5477F", "#8A6D1D"
 TOGETHER = "#4B2E83"
@@ -129,7 +131,8 @@ def residuals(
         return _against_measured(frame, output)
     columns = min(3, len(groups))
     rows = -(-len(groups) // columns)
-    with saved(output, nrows=rows, ncols=columns, figsize=(3.0 * columns, 1.75 * rows), squeeze=False) as (_, axes):
+    size = 3.0 * columns, 1.75 * rows + 0.3
+    with saved(output, nrows=rows, ncols=columns, figsize=size, squeeze=False) as (canvas, axes):
         for number, ((quantity, location, condition), part) in enumerate(groups):
             axis = axes.flat[number]
             part = part.assign(phase=part.phase % 1.0).sort_values("phase")
@@ -144,13 +147,10 @@ def residuals(
             if number + columns >= len(groups):
                 axis.set_xlabel("phase of the cycle")
             axis.set_ylabel(unit)
-        spare = axes.flat[len(groups) :]
-        for axis in spare:
+        for axis in axes.flat[len(groups) :]:
             axis.set_axis_off()
-        # On the waveforms it would hide some of them.
         handles, labels = axes.flat[0].get_legend_handles_labels()
-        where = {"loc": "center left"} if len(spare) else {}
-        axes.flat[len(groups) if len(spare) else 0].legend(handles, labels, fontsize=7, **where)
+        canvas.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=7)
 
 
 def after_label(frame: pd.DataFrame) -> str:
@@ -218,9 +218,14 @@ def sizes(
             axis.plot(part["size"], part.posterior, color=AFTER, label="posterior")
             axis.plot(part["size"], part.prior, color=MUTED, ls="--", label="prior")
             axis.set_title(f"{effect.replace('_', ' ')}\n{in_words(place)}", fontsize=7)
-            axis.set_xlabel(parameter)
+            axis.set_xlabel(fill(_meaning(effect, parameter), 45))
             axis.set_ylabel("density")
             axis.legend(fontsize=6)
+
+
+def _meaning(effect: str, parameter: str) -> str:
+    """Return what a size of an effect is, with its unit."""
+    return next(one.meaning for one in named_effect(effect).parameters if one.name == parameter)
 
 
 def gap(table: str | Path, output: str | Path) -> None:

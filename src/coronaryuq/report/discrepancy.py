@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.units import percent
-from coronaryuq.discrepancy.result.phrases import worth_measuring
+from coronaryuq.discrepancy.result.phrases import size_text, worth_measuring
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.discrepancy import words_of
@@ -76,6 +76,7 @@ def write_page(
     context = {
         "campaign": campaign,
         "title": title(found),
+        "note": "",
         "searches": [
             in_words(one) if case_of(path) in of_patient else one for path, one in zip(answers, found, strict=True)
         ],
@@ -99,7 +100,7 @@ def searches(
         return [file for file in files if case_of(file) == case_of(path)]
 
     numbers = count(first_figure)
-    return [_search(path, of_case(figures, path), of_case(truths, path), numbers) for path in answers]
+    return [searched(path, case_of(path), of_case(figures, path), numbers, of_case(truths, path)) for path in answers]
 
 
 def title(found: Sequence[dict]) -> str:
@@ -107,16 +108,20 @@ def title(found: Sequence[dict]) -> str:
     return category_of_search(bool(found) and all(search["invented"] for search in found))
 
 
-def _search(path: str, figures: list[str], truths: list[str], numbers: Iterator[int]) -> dict:
+def searched(
+    path: str | Path, case: str, figures: Sequence[str], numbers: Iterator[int], truths: Sequence[str] = ()
+) -> dict:
+    """Return one search in the form for the templates; path: of its `discrepancy.json`; the rest as of `write_page`."""
     answer = read_json(path)
     pairs, truth_files = "gap_unit" in answer, {Path(file).stem: file for file in truths}
     order = {name: number for number, name in enumerate(SEARCHES)}
+    described = {} if pairs else {(one["effect"], one["place"]): one["sizes"] for one in answer["facts"]["best"]}
     return {
-        "title": TITLES.get("pairs" if pairs else case_of(path), case_of(path)),
-        "invented": case_of(path) == INVENTED,
+        "title": TITLES.get("pairs" if pairs else case, case),
+        "invented": case == INVENTED,
         "paragraph": answer["paragraph"] if pairs else paragraph(answer),
         "truth": _verdict(read_json(truth_files["truth"]), answer["named"]) if "truth" in truth_files else "",
-        "named": [_named(effect) for effect in answer["named"]],
+        "named": [_named(one, described.get((one["effect"], one["place"]))) for one in answer["named"]],
         "located": [] if pairs else [_located(row) for row in answer["located"][:SHOWN]],
         **(
             _pair_gaps(answer)
@@ -126,7 +131,7 @@ def _search(path: str, figures: list[str], truths: list[str], numbers: Iterator[
         "figures": [
             {
                 "number": next(numbers),
-                "anchor": f"fig-{re.sub(r'[^A-Za-z0-9]+', '-', case_of(path))}-{Path(f).stem}",
+                "anchor": f"fig-{re.sub(r'[^A-Za-z0-9]+', '-', case)}-{Path(f).stem}",
                 "caption": SEARCHES[Path(f).stem],
                 "data": data_url(f),
                 "file": Path(f).name,
@@ -160,14 +165,16 @@ def _verdict(truth: dict, named: list[dict]) -> str:
     return f"{hidden} {verdict}{more if false > 0 else ''}."
 
 
-def _named(effect: dict) -> dict:
-    sizes = [
-        f"{name} {size['value']:.3g} ({size['interval_90'][0]:.3g} to {size['interval_90'][1]:.3g})"
-        for name, size in effect.get("sizes", {}).items()
-    ] or [
-        _interval(f"of {effect['size']['of']}", effect["size"]),
-        *(_interval(term["unit"], term, term["term"]) for term in effect["terms"]),
-    ]
+def _named(effect: dict, described: list[dict] | None) -> dict:
+    """Return a named effect for the templates; described: its sizes in words, as of `facts.described_sizes`."""
+    sizes = (
+        [size_text(described)]
+        if described
+        else [
+            _interval(f"of {effect['size']['of']}", effect["size"]),
+            *(_interval(term["unit"], term, term["term"]) for term in effect["terms"]),
+        ]
+    )
     others = [f"{member['effect']} at {member['place']}" for member in effect["class"][1:]]
     ends = [effect.get("physical", {}).get(f"{end} in the vessel, mm") for end in ("start", "end")]
     within = "" if None in ends else f", {ends[0]:.0f} to {ends[1]:.0f} mm from its start"

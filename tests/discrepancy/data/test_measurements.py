@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from coronaryuq.cli import discrepancy as command
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
-from coronaryuq.discrepancy import command
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.measurements import read_table
 from coronaryuq.discrepancy.inference.read_problem import read_problem

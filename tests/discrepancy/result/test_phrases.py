@@ -124,7 +124,7 @@ def test_an_effect_may_be_absent_under_one_condition():
 def test_sizes_by_condition_have_intervals_and_omit_uninformative_conditions():
     sizes = {"rest": (0.0, 0.1), "pacing": (2.0, 0.2), "held": (0.0, 1.2)}
     text = phrases.sizes_by_condition(by_condition(Constancy(placed("flow_delay", "a:b"), 9.0, sizes), OPEN_LOOP))
-    assert text == "delay: rest 0 (-0.0049 to 0.0049), pacing 0.06 (0.05 to 0.07) s"
+    assert text == "delay: rest 0.000 (-0.005 to 0.005), pacing 0.060 (0.050 to 0.070) s"
 
 
 def test_sizes_by_condition_are_described_as_the_effect_describes_them():
@@ -142,8 +142,8 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
 @pytest.mark.parametrize(
     ("name", "z", "text"),
     [
-        ("flow_delay", -1.0, "read early by 0.03 (0.025 to 0.035) s"),
-        ("flow_delay", 1.0, "delay in seconds: 0.03 (0.025 to 0.035)"),
+        ("flow_delay", -1.0, "read early by 0.030 (0.025 to 0.035) s"),
+        ("flow_delay", 1.0, "delay in seconds: 0.030 (0.025 to 0.035)"),
         ("flow_gain", -1.0, "gain minus 1: -0.15 (-0.17 to -0.13)"),
     ],
 )

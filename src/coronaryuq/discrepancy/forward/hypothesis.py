@@ -69,6 +69,11 @@ class Hypothesis:
         first = len(z) - sum(len(effect.parameters) for effect, _ in later)
         return slice(first, first + len(placed.effect.parameters))
 
+    def columns_of(self, z: np.ndarray, kept: "Hypothesis") -> np.ndarray:
+        """Return the positions in z (p,) of the nuisance parameters and of those of its effects that are kept."""
+        gone = [np.r_[self.columns(z, placed)] for placed in self if placed not in kept]
+        return np.delete(np.arange(len(z)), np.concatenate([np.zeros(0, dtype=int), *gone]))
+
     def sizes(self, z: np.ndarray, placed: PlacedEffect) -> np.ndarray:
         """Return the sizes of an effect in z (p,), in standard deviations of their priors."""
         return z[self.columns(z, placed)]

@@ -1,7 +1,10 @@
 """Facts for the summary of a search, as JSON; `summary_text` and `phrases` word them."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
@@ -10,6 +13,7 @@ from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Parameter
+from coronaryuq.zerod.effects.sensors import Offset
 
 WHERE = ("quantity", "location", "condition")
 Z_90 = 1.6448536269514722
@@ -61,7 +65,7 @@ def _described(discovery: Discovery, placed: PlacedEffect) -> dict:
     return {
         "effect": effect.name,
         "place": placed.place,
-        "sizes": described_sizes(placed, discovery.sizes(placed), anatomy),
+        "sizes": in_clinical_units(placed, described_sizes(placed, discovery.sizes(placed), anatomy), forward.measured),
         "beyond_prior": beyond,
         "implausible": placed in discovery.answer.implausible,
         "varying": next((by_condition(v, anatomy) for v in discovery.answer.varying if v.placed == placed), None),
@@ -85,6 +89,15 @@ def described_sizes(placed: PlacedEffect, sizes: list[tuple[Parameter, float, fl
             value, low, high = -value, -high, -low
         described.append({"meaning": meaning, "value": value, "low": low, "high": high, "early": early})
     return described
+
+
+def in_clinical_units(placed: PlacedEffect, described: list[dict], measured: Sequence[Measured]) -> list[dict]:
+    """Return the offset of a sensor in mmHg or mL/min, not over its mean reading; other sizes as they are."""
+    if not isinstance(placed.effect, Offset):
+        return described
+    (size,), means = described, [float(series.value.mean()) for series in measured]
+    meaning, factor = placed.effect.clinical(placed.place, size["value"], measured, means) or (size["meaning"], 1.0)
+    return [size | {"meaning": meaning} | {key: size[key] * factor for key in ("value", "low", "high")}]
 
 
 SMALL = 1e-6

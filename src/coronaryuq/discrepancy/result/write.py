@@ -25,7 +25,7 @@ from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.next_measurement import next_measurements
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.vessels_of import vessels_of
+from coronaryuq.zerod.effects.vessels_of import vessels_shown
 
 
 def summary(found: Discovery) -> dict:
@@ -172,10 +172,15 @@ def _scales(anatomy: Anatomy) -> dict:
     return {"pressure": float(anatomy.pressure), "period": float(anatomy.period), "flow": flow}
 
 
+FIGURES = (
+    *("tree", "residuals", "ranking", "sizes", "pullback", "source", "gap", "pairs", "pairs_gap", "pairs_effects"),
+)
+"""Figures on the page of an answer."""
 WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
     *("gap.csv", "pullback.csv", "source.csv", "detectable.csv", REPAIRED, REWIRED, "measurements.csv"),
     *("conditions.yaml", "difference.txt", "pairs.csv", "laws.csv", "effects.csv", "predicted.csv"),
+    *("report.html", *(f"figures/{name}.png" for name in FIGURES)),
 )
 """All files that a search may write, apart from the folder `drives`."""
 DETECTABLE = ["effect", "place", "parameter", "size", "unit", "signal"]
@@ -300,7 +305,8 @@ def _sizes(found: Discovery) -> pd.DataFrame:
 def _tree(found: Discovery) -> pd.DataFrame:
     """Tabulate every vessel's parent, largest misfit and named effects.
 
-    The misfit is the largest score (standard deviations) measured at either end; effects act at the vessel or its bed.
+    The misfit is the largest score (standard deviations) measured at either end; effects act at the vessel or its bed,
+    or on a sensor that reads there.
     """
     anatomy = found.problem.forward.anatomy
     worst: dict[str, float] = {}
@@ -317,7 +323,7 @@ def _tree(found: Discovery) -> pd.DataFrame:
             "; ".join(
                 f"{effect.name} at {place}"
                 for effect, place in (entry.named.placed for entry in found.named)
-                if name in vessels_of(place, anatomy)
+                if name in vessels_shown(place, anatomy)
             ),
         )
         for name in anatomy.vessels

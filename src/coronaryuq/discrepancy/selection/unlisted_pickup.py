@@ -8,8 +8,8 @@ may equally be one such pickup, which has no more causes than one effect.
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
@@ -20,11 +20,8 @@ from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.unlisted_response import TIME_SCALES, log_prior_of_errors
 from coronaryuq.zerod.effects.base import Effect
-from coronaryuq.zerod.effects.unlisted_response import late_parts
-from coronaryuq.zerod.network.waveforms import CONTENT
+from coronaryuq.zerod.effects.unlisted_response import amplitudes, picked_up
 
-POINTS = 512
-"""Points of a beat on which the waveform that is picked up is interpolated."""
 Signal = dict[str, np.ndarray]
 """Condition → complex amplitudes of a waveform's harmonics."""
 
@@ -41,6 +38,15 @@ class Pickup:
     signal: str
     rows: np.ndarray
     shapes: np.ndarray
+
+
+class _Read(NamedTuple):
+    """Readings of a channel under one condition: rows (n,), and times over the period (n,); period: s."""
+
+    condition: str
+    rows: np.ndarray
+    phase: np.ndarray
+    period: float
 
 
 def share_of_pickups(possible: Sequence[Effect]) -> float:
@@ -73,7 +79,7 @@ def unlisted_pickups(
     weights = defaultdict[tuple[str, str], float](lambda: -np.inf)
     if not (left and pickups and share_of_pickups(possible)):
         return {}
-    columns = [_columns(model, hypothesis, kept) for kept in left]
+    columns = [hypothesis.columns_of(model.z, kept) for kept in left]
     residuals = problem.whitened([(model.z[own], kept) for own, kept in zip(columns, left, strict=True)])
     for kept, own, residual in zip(left, columns, residuals, strict=True):
         if not np.isfinite(residual).all():
@@ -129,57 +135,19 @@ def possible_pickups(problem: Problem) -> Iterator[Pickup]:
     for one, rows in zip(forward.measured, forward.rows, strict=True):
         if one.time is not None:
             name, phase = f"{one.quantity} at {one.location}", one.time / one.period
-            signals[name][one.condition] = _harmonics(phase, one.value, one.period)
+            signals[name][one.condition] = amplitudes(phase, one.value, one.period)
             channels[name].append(_Read(one.condition, np.arange(rows.start, rows.stop), phase, one.period))
-    periods = {read.condition: read.period for each in channels.values() for read in each}
+    periods = {one.condition: one.period for read in channels.values() for one in read}
     for name, condition in forward.conditions.items():
         for block, (time, value) in condition.drive.items() if name in periods else ():
-            phase = time / (time[-1] - time[0])
-            signals[f"drive {block}"][name] = _harmonics(phase, value, periods[name])
-    for device, reads in channels.items():
-        own, first = np.concatenate([read.rows for read in reads]), reads[0].condition
-        size = np.linalg.norm(signals[device][first])
+            signals[f"drive {block}"][name] = amplitudes(time / (time[-1] - time[0]), value, periods[name])
+    for device, read in channels.items():
+        own, first = np.concatenate([one.rows for one in read]), read[0].condition
         for signal, known in signals.items():
-            if signal == device or any(read.condition not in known for read in reads):
+            if signal == device or any(one.condition not in known for one in read):
                 continue
             spread = np.linalg.norm(known[first])
             for scale in TIME_SCALES if spread > 0.0 else ():
-                added = [((read.responses[scale] * known[read.condition]) @ read.waves).real.T for read in reads]
-                yield Pickup(device, signal, own, np.concatenate(added) * size / spread / sd[own, None])
-
-
-def _harmonics(phase: np.ndarray, values: np.ndarray, period: float) -> np.ndarray:
-    """Return the complex amplitudes of a waveform's harmonics within `CONTENT`, the first one first."""
-    even = np.interp(np.arange(POINTS) / POINTS, phase, values, period=1.0)
-    return 2.0 * np.fft.rfft(even)[1 : int(CONTENT * period) + 1] / POINTS
-
-
-@dataclass(frozen=True, eq=False)
-class _Read:
-    """Readings of a channel under one condition: their rows (n,), and their phases (n,) of a beat of a period, s."""
-
-    condition: str
-    rows: np.ndarray
-    phase: np.ndarray
-    period: float
-
-    @cached_property
-    def _numbers(self) -> np.ndarray:
-        return np.arange(1, int(CONTENT * self.period) + 1)
-
-    @cached_property
-    def waves(self) -> np.ndarray:
-        """Harmonics of unit amplitude: (h, n)."""
-        return np.exp(2j * np.pi * np.multiply.outer(self._numbers, self.phase))
-
-    @cached_property
-    def responses(self) -> dict[float, np.ndarray]:
-        """Time scale → transfer functions (k, h): at once, and with each shape of lags."""
-        at_once, frequency = np.ones(len(self._numbers)), (self._numbers / self.period).tobytes()
-        return {scale: np.vstack([at_once, late_parts(scale, frequency)]) for scale in TIME_SCALES}
-
-
-def _columns(model: Linear, hypothesis: Hypothesis, kept: Hypothesis) -> np.ndarray:
-    """Return the columns of z without those of the effects that are not kept."""
-    gone = [np.r_[hypothesis.columns(model.z, placed)] for placed in hypothesis if placed not in kept]
-    return np.delete(np.arange(len(model.z)), np.concatenate(gone))
+                added = [picked_up(known[one.condition], one.phase, one.period, scale) for one in read]
+                size = np.linalg.norm(signals[device][first]) / spread
+                yield Pickup(device, signal, own, size * np.concatenate(added) / sd[own, None])

@@ -149,8 +149,7 @@ def _evidence(problem: Problem, model: Linear, hypothesis: Hypothesis, device: P
 
     kept: effects of the hypothesis that the response does not replace.
     """
-    gone = [np.r_[hypothesis.columns(model.z, placed)] for placed in hypothesis if placed not in kept]
-    columns = np.delete(np.arange(len(model.z)), np.concatenate(gone))
+    columns = hypothesis.columns_of(model.z, kept)
     z, slopes = model.z[columns], model.jacobian[:, columns]
     (quantity,) = device.effect.quantities  # type: ignore[attr-defined]
     responses = [PlacedEffect(UnlistedResponse(quantity, scale), device.place) for scale in TIME_SCALES]

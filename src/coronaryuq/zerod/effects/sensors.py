@@ -5,11 +5,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from coronaryuq.core import units
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect, Parameter, Series, Values
 
 NATIVE = "acts on predictions; the network stays the same"
 EVERY_PRESSURE = "every pressure"
+CLINICAL = {"pressure": ("mmHg", units.MMHG), "flow": ("mL/min", units.ML_PER_MIN)}
+"""Quantity → unit in which an offset is reported, and its size in CGS."""
 
 
 class Sensor(Effect):
@@ -38,10 +41,27 @@ class _Gain(Sensor):
         ]
 
 
-class _Offset(Sensor):
+class Offset(Sensor):
     """Error that does not depend on the reading: a size times the mean of all readings of the sensor."""
 
     across_conditions = True
+    meaning = "offset"
+
+    def clinical(
+        self, place: str, size: float, series: Sequence[Series], means: Sequence[float]
+    ) -> tuple[str, float] | None:
+        """Return what the error is in words, and what a size of 1 is in that unit; None if no mean reading tells.
+
+        means: mean of each series as measured, with the error: CGS.
+        """
+        quantity = self.quantities[0]
+        affected = [i for i, s in enumerate(series) if s.quantity == quantity and self._covers(place, s.location)]
+        if not affected:
+            return None
+        weights, (name, unit) = self._weights(series), CLINICAL[quantity]
+        present = np.mean([weights[series[i].condition] for i in affected])
+        scale = np.mean([means[i] for i in affected]) / (1.0 + size * present)
+        return f"{self.meaning} in {name}", float(scale / unit)
 
     def observe(
         self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
@@ -65,12 +85,14 @@ class _Offset(Sensor):
         return {s.condition: 1.0 for s in series}
 
 
-class _Drift(_Offset):
+class _Drift(Offset):
     """Offset that grows from zero in the first condition by the same amount from each condition to the next.
 
     The conditions are taken to have been recorded in the order of the conditions file, at even intervals, the sensor
     zeroed before the first.
     """
+
+    meaning = "offset in the last condition"
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return super().places(anatomy, observed) if len({s.condition for s in observed}) > 1 else []
@@ -80,7 +102,7 @@ class _Drift(_Offset):
         return {condition: number / max(len(order) - 1, 1) for number, condition in enumerate(order)}
 
 
-class PressureOffset(_Offset):
+class PressureOffset(Offset):
     """Zero error of a pressure transducer (drift, height)."""
 
     name = "pressure_offset"
@@ -90,7 +112,7 @@ class PressureOffset(_Offset):
     parameters = (Parameter("offset", "1", "normal", 0.0, 0.08, "offset over the mean pressure of the series"),)
 
 
-class SharedOffset(_Offset):
+class SharedOffset(Offset):
     """Zero error common to several pressures, as of a drifting wire moved from place to place.
 
     Places: every pressure except the root's, and every pressure. In the second case an FFR, the ratio of two pressures
@@ -160,7 +182,7 @@ class PressureDrift(_Drift):
     parameters = (Parameter("drift", "1", "normal", 0.0, 0.08, "offset in the last condition over the mean pressure"),)
 
 
-class FlowOffset(_Offset):
+class FlowOffset(Offset):
     """Zero error of a flow probe."""
 
     name = "flow_offset"

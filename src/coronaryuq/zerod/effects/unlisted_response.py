@@ -6,9 +6,12 @@ import numpy as np
 
 from coronaryuq.zerod.effects.base import Parameter, Values
 from coronaryuq.zerod.effects.measuring_chain import LinearFilter
+from coronaryuq.zerod.network.waveforms import CONTENT
 
 SHAPES = 8
 """Shapes of impulse responses; their variances fall as those of Brownian motion, to 1/225 of the first."""
+POINTS = 512
+"""Points of a beat on which a signal that is picked up is interpolated."""
 LAGS, LONGEST = 601, 12.0
 """Points of the integral over lags, and the longest lag in time scales."""
 
@@ -80,3 +83,39 @@ def shapes(time_scale: float, frequency: bytes) -> np.ndarray:
     What arrives late is missing where it would have been, so that it is zero at zero frequency.
     """
     return late_parts(time_scale, frequency) - late_parts(time_scale, np.zeros(1).tobytes())
+
+
+def amplitudes(phase: np.ndarray, values: np.ndarray, period: float) -> np.ndarray:
+    """Return the complex amplitudes (h,) of a waveform's harmonics, the first one first, up to `CONTENT`.
+
+    Parameters
+    ----------
+    phase, values
+        Samples (n,) over a beat, by time over the period.
+    period
+        s.
+    """
+    even = np.interp(np.arange(POINTS) / POINTS, phase, values, period=1.0)
+    return 2.0 * np.fft.rfft(even)[1 : int(CONTENT * period) + 1] / POINTS
+
+
+def picked_up(signal: np.ndarray, phase: np.ndarray, period: float, time_scale: float) -> np.ndarray:
+    """Return what a response to a signal adds at some phases: a part at once, and what each shape of k delays.
+
+    Parameters
+    ----------
+    signal
+        `amplitudes` of the signal, (h,).
+    phase
+        Times of the readings over the period, (n,).
+    period, time_scale
+        s.
+
+    Returns
+    -------
+    ndarray
+        (n, 1 + `SHAPES`), in units of the signal.
+    """
+    number = np.arange(1, len(signal) + 1)
+    response = np.vstack([np.ones(len(signal)), late_parts(time_scale, (number / period).tobytes())])
+    return ((response * signal) @ np.exp(2j * np.pi * np.multiply.outer(number, phase))).real.T

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import get_args
 
@@ -16,6 +17,7 @@ from coronaryuq.discrepancy.search_case import search_case
 from coronaryuq.discrepancy.search_recordings import search_recordings
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.table_model.search import discover_pairs
+from coronaryuq.report.search_page import write_search_page
 
 UNITS = get_args(Settings.model_fields["pressure_unit"].annotation)
 SOURCES = ("pairs", "recordings", "model", "measurements", "conditions")
@@ -68,6 +70,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--threads", type=positive_int, default=1, help="threads of the 0D solver (default: 1)")
     parser.add_argument(
+        "--page", action="store_true", help="also draw figures, and write them with the answer to DIR/report.html"
+    )
+    parser.add_argument(
         "--json", action="store_true", help="print the result as one JSON object instead of a paragraph"
     )
 
@@ -80,9 +85,23 @@ def main(args: argparse.Namespace) -> int:
     InputError
         For invalid input, before anything is written.
     """
-    result = _run(args, check_folder(args.out))
+    out = check_folder(args.out)
+    result = _run(args, out)
     print(json.dumps(result, default=float) if args.json else result["paragraph"])
+    if args.page:
+        page = write_search_page(out, *_of_page(args, out, result["paragraph"]))
+        print(f"wrote {page}", file=sys.stderr)
+    else:
+        print(f"wrote the tables of the answer to {out}; --page draws them on a page", file=sys.stderr)
     return 0
+
+
+def _of_page(args: argparse.Namespace, out: Path, paragraph: str) -> tuple[dict[str, Path], str]:
+    """Return the searches of a page, with their folders, and what holds for all of them."""
+    animals = (args.recordings or [])[1:]
+    if len(animals) > 1:
+        return {animal: out / animal for animal in animals}, paragraph
+    return {animals[0] if animals else "pairs" if args.pairs else Path(args.measurements).stem: out}, ""
 
 
 def _run(args: argparse.Namespace, out: Path) -> dict:

@@ -1,11 +1,16 @@
 """The command checks its options before any work, and never overwrites its input."""
 
+import html
+from pathlib import Path
+
 import pytest
 
+from coronaryuq.cli import discrepancy as command
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_text
-from coronaryuq.discrepancy import command
-from support.discrepancy_command import arguments, case_arguments
+from coronaryuq.discrepancy.result import write
+from coronaryuq.report.captions import SEARCHES
+from support.discrepancy_command import arguments, case_arguments, case_words
 
 
 def test_results_do_not_overwrite_the_case(stenosis_case):
@@ -64,3 +69,30 @@ def test_recordings_need_animals_each_named_once(tmp_path, words, text):
 def test_the_noise_of_pairs_cannot_be_set(tmp_path):
     with pytest.raises(InputError, match="--noise = 'stated': only applies to waveforms; --pairs has none"):
         command.main(arguments("--pairs", "a", "b", "--noise", "stated", "--out", tmp_path / "out"))
+
+
+def test_a_page_shows_the_answer_with_its_figures(stenosis_case, tmp_path, capsys):
+    """Figures without content are left out, and the next answer removes them all: they are not its own."""
+    out = tmp_path / "out"
+    assert command.main(arguments(*case_words(stenosis_case[0], out), "--page")) == 0
+    printed, progress = capsys.readouterr()
+    page, made = (out / "report.html").read_text(), {path.stem for path in (out / "figures").iterdir()}
+    assert html.unescape(page).count(printed.strip()) == 1 and f"wrote {out / 'report.html'}" in progress
+    assert made == {"tree", "residuals", "ranking", "sizes", "gap"}
+    assert all(f'data-file="{name}.png"' in page for name in made) and "Campaign" not in page
+    write.clear(out)
+    assert not (out / "report.html").exists() and not list((out / "figures").iterdir())
+
+
+def test_several_recordings_are_on_one_page():
+    several = arguments("--recordings", "folder", "A", "B", "--out", "out")
+    assert command._of_page(several, Path("out"), "one device") == (
+        {"A": Path("out/A"), "B": Path("out/B")},
+        "one device",
+    )
+    one = arguments("--recordings", "folder", "A", "--out", "out")
+    assert command._of_page(one, Path("out"), "a text") == ({"A": Path("out")}, "")
+
+
+def test_all_figures_of_a_page_are_removed_with_an_earlier_answer():
+    assert set(write.FIGURES) == set(SEARCHES)
