@@ -71,34 +71,19 @@ def nuisances(
 ) -> list[Nuisance]:
     """Return the nuisance parameters of a network and its measurements.
 
-    Resistance and compliance of all coronary beds together and of each; systemic resistance, systemic compliance, left
-    ventricular elastance and blood volume in closed loops; a factor for every measured condition except the first, as
+    Resistance and compliance of all coronary beds together and of each, and of the systemic beds; left ventricular
+    elastance and blood volume in closed loops; a factor for every measured condition except the first, as
     its coronary state is never known exactly, and for every block that a condition scales; the tissue mass of each
     territory with measured perfusion; the shape of the beds if a condition lists it as free; and each stenosis that
     conditions list.
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)
-    resistances = {bed: present(anatomy, bed, RESISTANCES) for bed in beds}
-    everywhere = tuple(key for keys in resistances.values() for key in keys)
-    found = [Nuisance("coronary resistance", settings.sd_coronary, everywhere)]
-    if len(beds) > 1:
-        found += [Nuisance(f"resistance of {bed}", settings.sd_bed, keys) for bed, keys in resistances.items()]
-    storing = {bed: stores for bed in beds if (stores := present(anatomy, bed, COMPLIANCES))}
-    if storing:
-        everywhere = tuple(key for stores in storing.values() for key in stores)
-        found.append(Nuisance("coronary compliance", settings.sd_compliance, everywhere))
-    if len(storing) > 1:
-        found += [Nuisance(f"compliance of {bed}", settings.sd_bed_compliance, keys) for bed, keys in storing.items()]
+    found = _of_beds(anatomy, beds, "coronary", settings.sd_coronary, settings.sd_compliance, settings)
     if any(BED_SHAPE in condition.free for condition in conditions.values()):
         found += _shape(anatomy, settings.sd_bed_shape)
     others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]
-    if others:
-        systemic = tuple(key for bed in others for key in present(anatomy, bed, ("Rp", "Rd", "R")))
-        found.append(Nuisance("systemic resistance", settings.sd_systemic, systemic))
-        stores = tuple(key for bed in others for key in present(anatomy, bed, ("C",)))
-        if stores:
-            found.append(Nuisance("systemic compliance", settings.sd_systemic, stores))
+    found += _of_beds(anatomy, others, "systemic", settings.sd_systemic, settings.sd_systemic, settings)
     if anatomy.closed_loop:
         found.append(Nuisance("left ventricular elastance", settings.sd_heart, ("CLH.Elv_s",)))
         found.append(Nuisance(BLOOD, settings.sd_blood, (BLOOD,)))
@@ -115,6 +100,23 @@ def nuisances(
     found += _stenoses({name: conditions[name] for name in used}, settings.sd_stenosis)
     territories = dict.fromkeys(series.location for series in measured if series.quantity == "perfusion")
     found += [Nuisance(f"mass of {place}", SD_MASS, mass=place) for place in territories]
+    return found
+
+
+def _of_beds(
+    anatomy: Anatomy, beds: list[str], which: str, sd_resistance: float, sd_compliance: float, settings: Settings
+) -> list[Nuisance]:
+    """Return factors on the resistance of some beds together and, if they are several, of each; and on compliance."""
+    found: list[Nuisance] = []
+    for quantity, names, sd, sd_each in (
+        ("resistance", RESISTANCES, sd_resistance, settings.sd_bed),
+        ("compliance", COMPLIANCES, sd_compliance, settings.sd_bed_compliance),
+    ):
+        each = {bed: keys for bed in beds if (keys := present(anatomy, bed, names))}
+        if each:
+            found.append(Nuisance(f"{which} {quantity}", sd, tuple(key for keys in each.values() for key in keys)))
+        if len(each) > 1:
+            found += [Nuisance(f"{quantity} of {bed}", sd_each, keys) for bed, keys in each.items()]
     return found
 
 
