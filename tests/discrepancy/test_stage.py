@@ -16,7 +16,7 @@ from coronaryuq.zerod.network.read import read_network
 
 pytestmark = pytest.mark.slow
 
-SEED = 4
+SEED = 5
 
 
 @pytest.fixture(scope="module")

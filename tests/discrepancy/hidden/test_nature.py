@@ -121,6 +121,20 @@ def test_vessels_are_off_by_the_stated_standard_deviation():
     assert Nature(vessels=0.0).body(network, 3) == network
 
 
+def test_parts_of_beds_are_off_and_their_sums_are_not():
+    nature, network, logs = Nature(parts=0.15), left_coronary(), []
+    for seed in range(200):
+        body = nature.body(network, seed)
+        for bed, own in zip(body.boundary_conditions, network.boundary_conditions, strict=True):
+            values, before = bed["bc_values"], own["bc_values"]
+            for names in (("Ra1", "Ra2", "Rv1"), ("Ca", "Cc")) if bed["bc_type"] == "CORONARY" else ():
+                assert sum(values[n] for n in names) == pytest.approx(sum(before[n] for n in names))
+                first, second = (np.log(values[name] / before[name]) for name in names[:2])
+                logs.append(float(first - second))
+    # The ratio of two parts: the common factor that keeps the sum drops out.
+    assert np.std(logs) == pytest.approx(np.sqrt(2.0) * 0.15, rel=5 / np.sqrt(2 * len(logs)))
+
+
 def test_nuisance_parameters_are_off_by_the_stated_standard_deviations():
     """2000 draws of each: five times their relative error of 1.6 %."""
     nature, prior = Nature(beds=0.2, states=0.05), Settings()

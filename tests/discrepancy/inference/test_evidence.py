@@ -247,7 +247,7 @@ def test_something_else_at_one_place_is_seen_there_among_the_undisturbed(tmp_pat
     answer = analyse(tmp_path).answer
     assert answer.probabilities[OTHER] > 0.95
     shown = max(answer.shown, key=lambda where: answer.shown[where])
-    assert shown[:2] in drawn and not shown[2] and answer.shown[shown] > 0.95
+    assert shown[:2] in drawn and not shown[2] and answer.shown[shown] > 0.9
 
 
 @pytest.mark.long

@@ -14,6 +14,7 @@ from coronaryuq.discrepancy.inference import read_problem as reading
 from coronaryuq.discrepancy.inference.read_problem import with_time_steps
 from coronaryuq.discrepancy.inference.time_step_error import FINER
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES
 from coronaryuq.zerod.network.read import read_network
 from support.hypotheses import assume
 from support.small_loop import fresh
@@ -53,14 +54,17 @@ def with_store(folder):
 
 @pytest.mark.slow
 def test_a_size_biased_by_coarse_steps_is_right_after_the_correction(folder):
-    """To within what may be missed; the data have no noise, so that nothing else keeps a fit from them."""
+    """To within a fifth of the bias; the data have no noise, so that nothing but priors keeps a fit from them."""
     coarse, size = with_store(folder)
     fit = coarse.calibrate(STORE)
     corrected, better = coarse.corrected(STORE, fit)
     before, after = (abs(one.z[-1] - size) / np.sqrt(one.covariance[-1, -1]) for one in (fit, better))
-    assert before > 4.0 * RULE.time_step_error and after < RULE.time_step_error
+    assert before > 4.0 * RULE.time_step_error and after < 0.2 * before
     assert np.linalg.norm(better.residual) < 0.1 * np.linalg.norm(fit.residual)
-    own = [column for column, nuisance in enumerate(coarse.forward.nuisances) if nuisance.shape is None]
+    # Parts of beds, of which several have nearly the same effect, may move.
+    parts = {*RESISTANCES, *COMPLIANCES}
+    known = [(column, one) for column, one in enumerate(coarse.forward.nuisances) if one.shape is None]
+    own = [column for column, one in known if one.name.split()[0] not in parts]
     assert better.z[own] == pytest.approx(fit.z[own], abs=0.3) and corrected.sd == pytest.approx(coarse.sd, rel=0)
 
 

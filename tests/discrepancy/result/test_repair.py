@@ -177,5 +177,6 @@ def test_repaired_files_reproduce_the_fitted_predictions(stenosis_case, tmp_path
         again = read_conditions(tmp_path / "conditions.yaml")
         repaired = read_problem(network, table, again, "c", Settings())
         repaired.forward.masses = forward.masses
-        # The fit is linear in the errors of the vessels, the network is not.
-        assert repaired.forward.predict(np.zeros(repaired.count))[0] == pytest.approx(wanted, rel=3e-3, abs=4e-3)
+        # The fit is linear in the errors of vessels and of parts of beds, the network is not.
+        differing = (repaired.forward.predict(np.zeros(repaired.count))[0] - wanted) / problem.sd
+        assert np.abs(differing).max() < 0.5 and np.sqrt(np.mean(differing**2)) < 0.15

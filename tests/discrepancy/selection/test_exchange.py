@@ -68,7 +68,7 @@ def test_the_estimate_is_the_evidence_of_a_full_fit(hidden, scored):
     (fit,) = problem.calibrate_each([(PLAIN.with_(placed), np.append(np.zeros(problem.count), 0.0))])
     assert found.z_score < RULE.shortlist_score, "about the adapted model the score test sees nothing"
     assert fit.evidence - base.evidence > 50.0
-    assert found.estimate == pytest.approx(fit.evidence, abs=3.0)
+    assert found.estimate == pytest.approx(fit.evidence, abs=5.0)
 
 
 def test_it_is_shortlisted_first(hidden, scored):

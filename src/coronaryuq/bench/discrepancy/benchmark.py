@@ -46,12 +46,13 @@ from coronaryuq.zerod.svzerodsolver.program import installed
 
 QUICK_SUBJECTS = 4
 """Subjects from which the classifier among the rivals learns with --quick."""
-NATURE = Nature("svzerod", vessels=0.08, beds=0.15, states=0.05)
+NATURE = Nature("svzerod", vessels=0.08, beds=0.15, states=0.05, parts=0.15)
 """Usual nature of the truth: the search's priors of the beds, half of its prior of the conditions' states."""
 SPREADS = {
     "vessels": "R, L and C of every vessel",
     "beds": "resistance and compliance of each bed, other nuisance parameters in proportion to their priors",
     "states": "coronary resistance of each condition",
+    "parts": "parts of each bed (Rp and Rd, Ca and Cim), which keep their sum,",
 }
 PREDICTION = "prediction"
 """In place of the strength of a case whose prediction is scored: sizes are drawn."""
@@ -189,6 +190,7 @@ class Options:
     vessels: float | None = None
     beds: float | None = None
     states: float | None = None
+    parts: float | None = None
     set_aside: str | None = None
     rivals: bool = False
     evidence: bool = False

@@ -57,7 +57,8 @@ class Case:
 
     def nature(self, usual: Nature) -> Nature:
         """Return the nature of the case's truth."""
-        return replace(usual, vessels=VIOLATED_VESSELS, beds=VIOLATED_BEDS) if self.noise == "violated" else usual
+        violated = replace(usual, vessels=VIOLATED_VESSELS, beds=VIOLATED_BEDS, parts=VIOLATED_BEDS)
+        return violated if self.noise == "violated" else usual
 
     @property
     def key(self) -> tuple:

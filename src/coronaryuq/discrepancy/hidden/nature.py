@@ -13,7 +13,7 @@ from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.forward.simulation import Simulation
 from coronaryuq.discrepancy.hidden.other_solver import SvZeroDSimulation
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
 from coronaryuq.zerod.network.differences import LOSS
 
 TRUTH_STEPS, LOOP_STEPS = 1500, 600
@@ -55,12 +55,15 @@ class Nature:
         masses are drawn with as many of the search's prior standard deviations as this is of that of a bed.
     states
         Of the coronary resistance of every condition but the first.
+    parts
+        Of each of several parts of a bed's resistance and compliance, such as Rp and Rd, whose sums stay.
     """
 
     program: Literal["svzerod", "own"] = "own"
     vessels: float = 0.0
     beds: float = 0.09
     states: float = 0.06
+    parts: float = 0.0
 
     def stated(self) -> dict[str, float | str]:
         """Return the program and all relative standard deviations, for the results."""
@@ -70,6 +73,7 @@ class Nature:
             "program": self.program,
             "vessels": self.vessels,
             "each bed": self.beds,
+            "parts of each bed": self.parts,
             "resistance of all beds": times * prior.sd_coronary,
             "compliance of all beds": times * prior.sd_compliance,
             "systemic": times * prior.sd_systemic,
@@ -98,8 +102,15 @@ class Nature:
         return sd / parameter.sd * float(random.standard_normal())
 
     def body(self, network: Network, seed: int) -> Network:
-        """Return the network with the true R, L and C of its vessels."""
-        network = network.deep_copy()
+        """Return the network with the true R, L and C of its vessels, and the true parts of its beds."""
+        network, anatomy = network.deep_copy(), Anatomy(network)
+        for bed in dict.fromkeys(anatomy.outlet_bc.values()) if self.parts else ():
+            random, values = generator(seed, "discrepancy", "nature", "bed", bed), network.bed_values(bed)
+            for names in (RESISTANCES, COMPLIANCES):
+                known = np.array([values.get(name, 0.0) for name in names])
+                drawn = known * np.exp(self.parts * random.standard_normal(len(names)))
+                drawn *= known.sum() / max(drawn.sum(), 1e-300)
+                values |= {name: new for name, new in zip(names, drawn.tolist(), strict=True) if new}
         for vessel in network.vessels:
             random = generator(seed, "discrepancy", "nature", "vessel", vessel["vessel_name"])
             values = vessel["zero_d_element_values"]

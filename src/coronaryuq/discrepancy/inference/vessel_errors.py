@@ -1,8 +1,9 @@
-"""Errors of the vessels' own resistance, inertance and compliance, as shapes of the predictions.
+"""Errors of the vessels' resistance, inertance and compliance and of the parts of beds, as shapes of the predictions.
 
-A lumen is segmented with an error, and a wall's stiffness is not measured; the aorta's vessels are no exception. Where
-these errors change predictions little, their effect is linear, and its few leading shapes get weights, like those of
-the time steps. Where it is not, as that of an aorta's inertance on its resonance, the errors are parameters of the
+A lumen is segmented with an error, and a wall's stiffness is not measured; the aorta's vessels are no exception. How a
+bed's resistance and compliance are shared between its parts, such as Rp and Rd, is a convention, not a measurement.
+Where these errors change predictions little, their effect is linear, and its few leading shapes get weights, like those
+of the time steps. Where it is not, as that of an aorta's inertance on its resonance, the errors are parameters of the
 model; where the phase of an oscillation is unknown, see `known_errors`.
 """
 
@@ -14,9 +15,12 @@ import numpy as np
 
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, present
 from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
 
 SD_RESISTANCE, SD_COMPLIANCE = 0.08, 0.12
 """Standard deviations of the logs: 0.08 is that of a radius by 2 %, in the resistance of Poiseuille's law."""
+SD_BED = 0.2
+"""Of the log of each part of a bed; the bed's resistance and compliance in all have priors of their own."""
 SHAPED = 0.3
 """Length, in noise standard deviations, above which an error is a separate shape, or not linear."""
 ELEMENTS = (
@@ -94,9 +98,21 @@ def vessel_errors(forward: Forward) -> VesselErrors:
         for name, element, sd in ELEMENTS
         if (targets := present(forward.anatomy, vessel, (element,)))
     ]
+    errors += _of_beds(forward.anatomy)
     own = replace(forward, shapes=None).with_nuisances([*forward.nuisances, *errors])
     # First alone: in a closed loop the others start from its state.
     (plain,) = own.predict(np.zeros(len(own.nuisances)))
     each = np.eye(len(own.nuisances))[len(forward.nuisances) :]
     more, less = (own.predict(sign * each) - plain for sign in (1.0, -1.0))
     return VesselErrors(errors, (more - less) / 2.0, (more + less) / 2.0)._of(np.isfinite(more + less).all(axis=1))
+
+
+def _of_beds(anatomy: Anatomy) -> list[Nuisance]:
+    """Return the errors of the parts of each bed but the largest: in all, beds are parameters of the model."""
+    errors = []
+    for bed in dict.fromkeys(anatomy.outlet_bc.values()):
+        values = anatomy.blocks[bed]["bc_values"]
+        for names in (RESISTANCES, COMPLIANCES):
+            parts = sorted((name for name in names if values.get(name, 0.0) > 0.0), key=lambda name: values[name])
+            errors += [Nuisance(f"{name} of {bed}", SD_BED, (f"{bed}.{name}",)) for name in parts[:-1]]
+    return errors
