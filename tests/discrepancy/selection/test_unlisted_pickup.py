@@ -10,7 +10,7 @@ from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all, linearise
-from coronaryuq.discrepancy.selection.answer import NAMES, UNLISTED, answer
+from coronaryuq.discrepancy.selection.answer import NAMES, OTHER, UNLISTED, answer
 from coronaryuq.discrepancy.selection.unlisted_pickup import gains_of, possible_pickups, unlisted_pickups
 from coronaryuq.zerod.effects.library import LIBRARY
 from support.hypotheses import assume
@@ -87,10 +87,12 @@ def test_effects_that_are_there_are_named(effects):
 def test_a_gain_is_the_ratio_of_the_densities_of_the_data():
     problem = problem_of(RESPONSES[STORED][2 * POINTS :])
     model = linearise(problem, problem.calibrate(PLAIN).z, PLAIN)
-    pickups = list(possible_pickups(problem))
+    pickups = list(possible_pickups(problem, model))
     assert {(one.device, one.signal) for one in pickups} == {
         ("flow at AORTA:lad", "pressure at AORTA:lad"),
+        ("flow at AORTA:lad", ""),
         ("pressure at AORTA:lad", "flow at AORTA:lad"),
+        ("pressure at AORTA:lad", ""),
     }
     spread = np.eye(4 * POINTS) + model.jacobian @ model.jacobian.T
     for gain, pickup in zip(gains_of(model, pickups), pickups, strict=True):
@@ -106,10 +108,16 @@ def test_a_gain_is_the_ratio_of_the_densities_of_the_data():
 def test_nothing_is_picked_up_where_a_signal_is_not_known_or_no_effect_was_found():
     problem = problem_of(np.zeros(2 * POINTS))
     assert unlisted_pickups(problem, None, PLAIN, [], LIBRARY) == {}
-    alone = replace(problem, train=problem.train)
-    # The pressure at rest only: neither the flow nor the pressure has a partner under all its conditions.
+    alone, model = replace(problem, train=problem.train), linearise(problem, problem.calibrate(PLAIN).z, PLAIN)
+    # The pressure at rest only: the flow has no other signal under all its conditions.
     alone.forward.measured[1] = replace(alone.forward.measured[1], location="elsewhere")
-    assert [one.device for one in possible_pickups(alone) if one.signal == "flow at AORTA:lad"] == [
-        "pressure at AORTA:lad"
-    ] * 5 + ["pressure at elsewhere"] * 5
-    assert not [one for one in possible_pickups(alone) if one.device == "flow at AORTA:lad"]
+    pickups = list(possible_pickups(alone, model))
+    assert {one.signal for one in pickups if one.device == "flow at AORTA:lad"} == {""}
+    assert {one.signal for one in pickups if one.device == "pressure at AORTA:lad"} == {"", "flow at AORTA:lad"}
+
+
+def test_a_device_that_reads_its_pulsation_by_a_factor_picks_up_its_own_waveform():
+    """Effects that explain it are a gain and an offset of opposite sign."""
+    added = np.concatenate([0.2 * (flow - flow.mean()) for flow in FLOWS])
+    weight = weighed(problem_of(added), LATE, STORED)
+    assert weight.given == OTHER and (weight.device, weight.picked_up) == ("flow at AORTA:lad", "")

@@ -155,12 +155,15 @@ def answer(
         other[MISWIRED] = right + float(logsumexp([0.0 if wiring else -np.inf, *rivals.values()]))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
         pickups = unlisted_pickups(problem, model, hypothesis, log_priors, possible)
-        either = {(device, ""): weight for device, weight in responses.items()} | pickups
+        either = dict(pickups)
+        for device, weight in responses.items():
+            either[device, ""] = float(np.logaddexp(weight, pickups.get((device, ""), -np.inf)))
         other[UNLISTED] = float(logsumexp([-np.inf, *either.values()])) - lacking
         # Elsewhere the flexible error stands for these, too.
         shares = share_of_responses(possible) * bool(responses), share_of_pickups(possible) * bool(pickups)
         other[ALONE] += np.log1p(-sum(shares))
-        unlisted = max(either, key=lambda one: either[one], default=unlisted)
+        # Another signal is told only if the data distinguish it from the device's own.
+        unlisted = max(either, key=lambda one: either[one] - RULE.class_odds * bool(one[1]), default=unlisted)
         if implausible and not wiring:
             other[ALONE] = float(np.logaddexp(other[ALONE], right))
         elif not wiring:

@@ -1,8 +1,9 @@
-"""Unlisted pickup: a device that also reads another channel, through a linear response of unknown shape.
+"""Unlisted pickup: a device that adds a waveform to its readings, through a linear response of unknown shape.
 
 A capacitive coupling adds the slope of a pressure to a flow, and crosstalk that grows with frequency adds a part of it;
 a compliance and a delay together have nearly the same response. So what the effects found explain, one or all of them,
-may equally be one such pickup, which has no more causes than one effect.
+may equally be one such pickup, which has no more causes than one effect. A device that adds of its own waveform reads
+pulsation by a factor or, with a lead, early.
 """
 
 from collections import defaultdict
@@ -30,8 +31,8 @@ Signal = dict[str, np.ndarray]
 class Pickup:
     """What a device would add to its readings of a channel.
 
-    device, signal: the channel it reads, and what it picks up; rows: of the readings (n,); shapes: what a response adds
-    to them, with standard normal weights, whitened (n, k).
+    device, signal: the channel it reads, and what it picks up, empty if that is the same; rows: of the readings (n,);
+    shapes: what a response adds to them, with standard normal weights, whitened (n, k).
     """
 
     device: str
@@ -75,7 +76,7 @@ def unlisted_pickups(
     """
     effects = list(hypothesis)
     left = [Hypothesis(kept) for size in range(len(effects)) for kept in combinations(effects, size)]
-    pickups = list(possible_pickups(problem))
+    pickups = list(possible_pickups(problem, model)) if left else []
     weights = defaultdict[tuple[str, str], float](lambda: -np.inf)
     if not (left and pickups and share_of_pickups(possible)):
         return {}
@@ -124,18 +125,20 @@ def gains_of(model: Linear, pickups: Sequence[Pickup]) -> np.ndarray:
     return np.array(gains)
 
 
-def possible_pickups(problem: Problem) -> Iterator[Pickup]:
+def possible_pickups(problem: Problem, model: Linear) -> Iterator[Pickup]:
     """Yield each pickup of a signal that is known wherever the device reads, for each time scale of its response.
 
-    Signals are the other measured waveforms, and those that drive the model. A signal is in units of its own standard
-    deviation, and what a device adds in units of that of its readings, both under the device's first condition.
+    Signals are the waveforms that are measured, without their noise: as the model predicts them; and those that drive
+    the model. A signal is in units of its own standard deviation, and what a device adds in units of that of its
+    readings, both under the device's first condition.
     """
     forward, sd = problem.forward, problem.sd
+    predicted = problem.y - model.residual * sd
     signals, channels = defaultdict[str, Signal](dict), defaultdict[str, list[_Read]](list)
     for one, rows in zip(forward.measured, forward.rows, strict=True):
         if one.time is not None:
             name, phase = f"{one.quantity} at {one.location}", one.time / one.period
-            signals[name][one.condition] = amplitudes(phase, one.value, one.period)
+            signals[name][one.condition] = amplitudes(phase, predicted[rows], one.period)
             channels[name].append(_Read(one.condition, np.arange(rows.start, rows.stop), phase, one.period))
     periods = {one.condition: one.period for read in channels.values() for one in read}
     for name, condition in forward.conditions.items():
@@ -144,10 +147,10 @@ def possible_pickups(problem: Problem) -> Iterator[Pickup]:
     for device, read in channels.items():
         own, first = np.concatenate([one.rows for one in read]), read[0].condition
         for signal, known in signals.items():
-            if signal == device or any(one.condition not in known for one in read):
+            if any(one.condition not in known for one in read):
                 continue
             spread = np.linalg.norm(known[first])
             for scale in TIME_SCALES if spread > 0.0 else ():
                 added = [picked_up(known[one.condition], one.phase, one.period, scale) for one in read]
-                size = np.linalg.norm(signals[device][first]) / spread
-                yield Pickup(device, signal, own, size * np.concatenate(added) / sd[own, None])
+                shapes = np.concatenate(added) * np.linalg.norm(signals[device][first]) / spread / sd[own, None]
+                yield Pickup(device, "" if signal == device else signal, own, shapes)
