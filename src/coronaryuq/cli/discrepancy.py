@@ -100,7 +100,7 @@ def _of_page(args: argparse.Namespace, out: Path, paragraph: str) -> tuple[dict[
     """Return the searches of a page, with their folders, and what holds for all of them."""
     animals = (args.recordings or [])[1:]
     if len(animals) > 1:
-        return {animal: out / animal for animal in animals}, paragraph
+        return {animal: out / animal for animal in animals}, paragraph.partition(f"\n{animals[0]}: ")[0]
     return {animals[0] if animals else "pairs" if args.pairs else Path(args.measurements).stem: out}, ""
 
 
@@ -132,7 +132,7 @@ def _check_overwriting(args: argparse.Namespace, out: Path) -> None:
     inputs += drive_paths(args.conditions) if args.conditions else []
     for path in inputs:
         is_drive = path.resolve().parent == (out / "drives").resolve()
-        if is_drive or any(path.resolve() == (out / name).resolve() for name in write.WRITTEN):
+        if is_drive or any(path.resolve() == (out / name).resolve() for name in (*write.WRITTEN, *write.OF_PAGE)):
             raise InputError("command line", "--out", str(out), f"would overwrite {path}; choose another folder")
 
 

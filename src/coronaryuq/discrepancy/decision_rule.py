@@ -23,9 +23,7 @@ class DecisionRule:
     )
     prior_outside: float = _threshold(0.2, "1", "Prior probability that something outside the library is missing.")
     shortlist_score: float = _threshold(
-        2.0,
-        "sd",
-        "Score-test statistic that a candidate must exceed to be shortlisted, run at larger sizes or reconsidered.",
+        2.0, "sd", "Score-test statistic above which a candidate is shortlisted, run at larger sizes or reconsidered."
     )
     shortlist_effect_score: float = _threshold(
         3.0, "sd", "Score-test statistic above which the best place of an effect is shortlisted whatever its rank."
@@ -35,17 +33,13 @@ class DecisionRule:
         15.0, "nats", "A candidate whose log weight is within this distance of the best is fitted in full."
     )
     contender_share: float = _threshold(
-        0.2,
-        "1",
-        "Fraction of the best candidate's gain added to that distance: frozen sensitivities err more after long moves.",
+        0.2, "1", "Fraction of the best one's gain added to it: frozen sensitivities err more after long moves."
     )
     diverged_gap: float = _threshold(
         10.0, "nats", "A fit has diverged if its log evidence is this far below that of the model without the effect."
     )
     diverged_refits: int = _threshold(
-        5,
-        "effects",
-        "Maximum number of diverged effects refitted from other starting points; each takes three full fits.",
+        5, "effects", "Maximum number of diverged effects refitted from other starts; each takes three full fits."
     )
     reconsidered: int = _threshold(40, "candidates", "Maximum number of candidates screened again at a better fit.")
     second_looks: int = _threshold(3, "times", "Maximum number of such screenings per round.")
@@ -56,9 +50,7 @@ class DecisionRule:
         5, "candidates", "Maximum number of rivals fitted in full in a backward step or after re-screening."
     )
     likeliest_effects: int = _threshold(
-        3,
-        "effects",
-        "Effects fitted where no test alarms or no candidate is worth naming; shortlisted by their score tests alone.",
+        3, "effects", "Effects fitted where no test alarms or no candidate is worth naming, or shortlisted by score."
     )
     class_odds: float = _threshold(
         3.0, "nats", "Log odds, or log Bayes factor, below which data cannot distinguish two candidates: 20 to 1."
@@ -70,9 +62,7 @@ class DecisionRule:
         3.0, "noise sd", "Size of the time-step correction above which a round's candidates are compared again with it."
     )
     time_step_error: float = _threshold(
-        0.5,
-        "noise sd",
-        "Time-step error beyond its allowance above which it is corrected: no size moves by more posterior sd.",
+        0.5, "noise sd", "Time-step error beyond its allowance that is corrected: no size moves by more posterior sd."
     )
     visible_response: float = _threshold(
         0.3, "noise sd", "Whitened response at `visible_size` below which data cannot show an effect."
@@ -82,10 +72,7 @@ class DecisionRule:
         6.0, "noise sd", "Detectable signal at its typical size from which the data are said to show an effect."
     )
     larger_sizes: int = _threshold(
-        40,
-        "candidates",
-        "Maximum number of candidates run at larger sizes, for detectable small responses and for others, each; and "
-        "number of those run at the size then estimated.",
+        40, "candidates", "Maximum number run at larger sizes, of visible ones and of others, and at their estimates."
     )
     rerun: int = _threshold(150, "candidates", "Maximum number of candidates with a known response that are run again.")
     rerun_per_effect: int = _threshold(
@@ -107,9 +94,7 @@ class DecisionRule:
         2.5758293035489004, "prior sd", "Bound of the central 99 % of a prior, beyond which a size is reported."
     )
     informed_size: float = _threshold(
-        0.5**0.5,
-        "prior sd",
-        "A condition's data determine a size if its posterior sd is below this, i.e. half the prior variance remains.",
+        0.5**0.5, "prior sd", "Posterior sd below which a condition's data determine a size: half the variance remains."
     )
     informed_nuisance: float = _threshold(
         0.01, "1", "Fraction by which data must reduce a nuisance parameter's prior variance for it to be tested."

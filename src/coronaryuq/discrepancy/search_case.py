@@ -10,11 +10,12 @@ from coronaryuq.core import units
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
-from coronaryuq.discrepancy.inference.read_problem import check_searchable, read_problem
+from coronaryuq.discrepancy.inference.read_problem import read_problem
 from coronaryuq.discrepancy.result import write
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.searchable import check_searchable
 from coronaryuq.zerod.network.read import print_notes, read_network
 
 UNNAMED = ("model", "network")

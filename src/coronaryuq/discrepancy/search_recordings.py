@@ -12,6 +12,7 @@ from coronaryuq.core.io.atomic import write_json
 from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.result import write
 from coronaryuq.discrepancy.result.facts import with_interval
+from coronaryuq.discrepancy.result.summary_text import write_paragraph
 from coronaryuq.discrepancy.search_case import searched
 from coronaryuq.discrepancy.selection.shared_device import (
     NONE,
@@ -38,7 +39,7 @@ def search_recordings(
     folder, animals
         Recordings FOLDER/ANIMAL_CONDITION.csv, made by one device.
     out
-        Folder for the results: of each animal as of `search_case`, with its case, and `device.json`.
+        Folder for the results: of each animal as of `search_case`, with its case and a paragraph, and `device.json`.
     settings, seed
         As of `search_case`.
     held_out, free_bed
@@ -61,12 +62,14 @@ def search_recordings(
     discoveries = {animal: searched(*case, settings, seed) for animal, case in cases.items()}
     devices = shared_devices({name: found.problem for name, found in discoveries.items()})
     answers = [shared_device(discoveries, quantity, places) for quantity, places in devices]
+    texts = []
     for animal, discovery in discoveries.items():
         write.write(discovery, out / animal)
+        texts.append(f"{animal}: " + write_paragraph(out / animal / "discrepancy.json", out / animal / "paragraph.txt"))
     described = [_described(answer) for answer in answers]
     content: dict[str, Any] = {"recordings": list(animals), "devices": described}
     write_json(out / "device.json", content)
-    return content | {"paragraph": "\n".join(in_words(one) for one in described)}
+    return content | {"paragraph": "\n".join([*map(in_words, described), *texts])}
 
 
 def _described(answer: DeviceAnswer) -> dict[str, Any]:
@@ -109,9 +112,7 @@ def in_words(device: dict[str, Any]) -> str:
         leading = f" Of the listed errors, {_sized(device['errors'][0])}, would suit best." if device["errors"] else ""
         return f"{read}: something else is missing in these recordings (probability {probability:.2f}).{leading}"
     if name == SEPARATE:
-        return (
-            f"{read}: what each recording shows by itself explains more than one error (probability {probability:.2f})."
-        )
+        return f"{read}: errors of each recording explain more than one of all (probability {probability:.2f})."
     error = next(one for one in device["errors"] if one["effect"] == name)
     each = [f"{recording} {', '.join(map(_in_unit, own))}" for recording, own in error["each"].items()]
     return (

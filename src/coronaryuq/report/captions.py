@@ -142,7 +142,7 @@ SEARCHES = {
         "named effects, on the vessel or at the bed where they act.",
         "All vessels pale: up to about 3 is chance.",
         "A vessel much darker than the others.",
-        "See which effect is named there; without one, check that instrument and its noise.",
+        "See which effect is named: it may act elsewhere. Without one, check that instrument and its noise.",
     ),
     "residuals": Caption(
         "Measured and predicted",
@@ -169,7 +169,8 @@ SEARCHES = {
     "pullback": Caption(
         "Pullback",
         "Pullback of a pressure wire: readings with noise and usual drift, the recalibrated model, and the model "
-        "with the named (or most probable) effects, as the wire would read it. Shaded: where these act.",
+        "with the named (or most probable) effects, as the wire would read it. Shaded: where these act. Vessels end "
+        "between two readings.",
         "Readings scatter around the model with the effects.",
         "A step that no line follows.",
         "Look for a lesion or a branch at that distance.",

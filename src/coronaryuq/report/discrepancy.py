@@ -11,7 +11,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.units import percent
-from coronaryuq.discrepancy.result.phrases import size_text, worth_measuring
+from coronaryuq.discrepancy.result.phrases import size_text, within_text, worth_measuring
 from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.table_model.tables import artery
 from coronaryuq.figures.discrepancy import words_of
@@ -176,12 +176,10 @@ def _named(effect: dict, described: list[dict] | None) -> dict:
         ]
     )
     others = [f"{member['effect']} at {member['place']}" for member in effect["class"][1:]]
-    ends = [effect.get("physical", {}).get(f"{end} in the vessel, mm") for end in ("start", "end")]
-    within = "" if None in ends else f", {ends[0]:.0f} to {ends[1]:.0f} mm from its start"
     next_measurement = worth_measuring(effect.get("next_measurements", []))[:1]
     return {
         "effect": effect["effect"].replace("_", " "),
-        "place": effect["place"] + within,
+        "place": effect["place"] + within_text(effect),
         "probability": _probability(effect),
         "sizes": ", ".join(sizes),
         "others": ", ".join(others).replace("_", " ") or "–",

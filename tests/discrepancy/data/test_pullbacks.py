@@ -12,8 +12,9 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.units import MMHG
 from coronaryuq.discrepancy.data.conditions import Condition, PullbackErrors, as_entry, read_conditions
 from coronaryuq.discrepancy.data.pullbacks import has_pullback, path_of
-from coronaryuq.discrepancy.inference.read_problem import check_searchable, read_series
+from coronaryuq.discrepancy.inference.read_problem import read_series
 from coronaryuq.zerod.effects.pullback import CHECK
+from coronaryuq.zerod.effects.searchable import check_searchable
 
 LENGTH = 125.0
 CONDITIONS = {name: Condition(name) for name in ("rest", "hyperaemia")}

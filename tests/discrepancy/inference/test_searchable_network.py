@@ -10,9 +10,10 @@ from coronaryuq.core.units import MBF_PER_MIN_PER_G
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.nuisance import tissue_mass
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
-from coronaryuq.discrepancy.inference.read_problem import check_searchable, locations, make_problem
+from coronaryuq.discrepancy.inference.read_problem import locations, make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.searchable import check_searchable
 from coronaryuq.zerod.network.read import read_network
 
 
@@ -35,6 +36,10 @@ def _rename(network, part, key, name):
                 zero_d_element_type="BloodVesselRC", zero_d_element_values={"Rpd": 1, "Cp": 1}
             ),
             "lad = 'BloodVesselRC': element not supported by the search",
+        ),
+        (
+            lambda n: n["vessels"][0]["zero_d_element_values"].update(R_poiseuille=-1.0),
+            "vessels.left_main.R_poiseuille = -1.0: expected a value of zero or more",
         ),
         (
             lambda n: n.update(external_solver_coupling_blocks=[{"name": "IN"}]),

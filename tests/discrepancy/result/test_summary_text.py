@@ -11,7 +11,7 @@ def told(form, wiring_errors=()):
     answer = {
         "held_out": gaps,
         "wiring_errors": wiring_errors,
-        "facts": {"best": best, "answer": form},
+        "facts": {"best": best, "answer": form, "waveforms": True},
         "held_out_conditions": ["x"],
     }
     return summary_text._outside_library(answer, ["x"])
@@ -77,7 +77,8 @@ def test_one_place_where_something_else_shows_is_told_and_no_flow_offered_for_an
     assert shown_in("pressure", "a:b", "") == f"{said}pressure that no other one sees."
     said = shown_in("flow", "a:b", "")
     assert "the flow at a:b alone (probability 0.97): an error of that measurement, or a flow or bed" in said
-    assert "one at the end of lad explains most (12 nats)" in said
+    assert "Of unknown sources" not in said, "one at the end of another vessel would show elsewhere, too"
+    assert "one at the end of lad explains most (12 nats)" in shown_in("flow", "J0:lad", "")
     assert " It probably shows in the pressure at a:b alone (probability 0.51)" in shown_in("pressure", "a:b", "", 0.51)
     assert shown_in("flow", "a:b", "", probability=0.4) == summary_text._source(SOURCE) != ""
     assert shown_in("flow", "a:b", "", form=UNLISTED, source=None) == ""
@@ -121,7 +122,7 @@ def test_a_condition_that_differs_in_all_its_data_is_told_without_a_drive_that_a
 def test_what_only_held_out_conditions_show_is_not_said_to_be_outside_the_library():
     where = {"quantity": "flow", "location": "", "condition": "hyperaemia", "probability": 0.9}
     forms = {"leading_form": ALONE, "probabilities": {OTHER: 0.8}, "shows_in": [where]}
-    answer = {"alarm": False, "held_out": {}, "facts": {"best": [], "answer": forms}}
+    answer = {"alarm": False, "held_out": {}, "facts": {"best": [], "answer": forms, "waveforms": False}, "rounds": []}
     said = summary_text._outside_library(answer, ["hyperaemia"])
     assert said.startswith(
         "Something is missing (probability 0.80) that only the held-out conditions (hyperaemia) show."
@@ -146,3 +147,22 @@ def test_a_model_whose_misfit_is_within_its_own_error_is_not_said_to_agree():
 def test_what_recalibration_moved_far_is_told_where_nothing_is_missing():
     assert "nothing to explain (probability 0.97). On the" in agreeing(False)
     assert "Recalibration moves the coronary resistance by -3.2 standard deviations" in agreeing(False, [MOVED])
+
+
+def test_where_nothing_is_worth_naming_the_nearest_effects_are_listed_without_waveforms_that_there_are_not():
+    forms = {"leading_form": ALONE, "probabilities": {OTHER: 0.96}, "shows_in": []}
+    shares = {"diffuse_narrowing": 0.35, "bifurcation_loss": 0.33, "haematocrit": 0.02}
+    first = [{"effect": name, "place": "lad", "share": share} for name, share in shares.items()]
+    facts = {"best": [], "answer": forms, "waveforms": False}
+    answer = {"alarm": True, "held_out": {}, "facts": facts, "rounds": [first]}
+    assert summary_text._outside_library(answer, []) == (
+        "Something other than an effect of the library is missing (probability 0.96). Of the library's effects, "
+        "diffuse narrowing at lad (0.35) and bifurcation loss at lad (0.33) come nearest (shares of their probability)."
+    )
+    answer["facts"]["waveforms"], answer["rounds"] = True, []
+    assert summary_text._outside_library(answer, []).endswith(f"(probability 0.96). {summary_text.RESIDUALS}")
+
+
+def test_the_answer_comes_before_what_recalibration_moves_and_what_was_left_out():
+    said = agreeing(False, [MOVED])
+    assert said.index("nothing to explain") < said.index("Recalibration moves the coronary resistance")

@@ -10,7 +10,7 @@ from coronaryuq.core import units
 from coronaryuq.discrepancy.data.conditions import BED_SHAPE, RESISTANCE, Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
+from coronaryuq.zerod.effects.anatomy import COMPLIANCES, CORONARY_TYPES, RESISTANCES, Anatomy
 from coronaryuq.zerod.effects.beds import arteriolar
 from coronaryuq.zerod.network.differences import LOSS
 
@@ -79,7 +79,8 @@ def nuisances(
     """
     anatomy = Anatomy(network)
     beds = list(anatomy.beds)
-    found = _of_beds(anatomy, beds, "coronary", settings.sd_coronary, settings.sd_compliance, settings)
+    which = "coronary" if any(anatomy.kind(bed) in CORONARY_TYPES for bed in beds) else "bed"
+    found = _of_beds(anatomy, beds, which, settings.sd_coronary, settings.sd_compliance, settings)
     if any(BED_SHAPE in condition.free for condition in conditions.values()):
         found += _shape(anatomy, settings.sd_bed_shape)
     others = [bed for bed in anatomy.blocks if bed not in beds and bed in set(anatomy.outlet_bc.values())]
@@ -93,7 +94,7 @@ def nuisances(
         wide = RESISTANCE in conditions[name].free
         if name != used[0] or wide:
             sd = settings.sd_free if wide else settings.sd_condition
-            found.append(Nuisance(f"coronary state of {name}", sd, dilating, (name,)))
+            found.append(Nuisance(f"{which} state of {name}", sd, dilating, (name,)))
         for block, factors in conditions[name].scale.items():
             scaled = tuple(f"{block}.{parameter}" for parameter in factors)
             found.append(Nuisance(f"scale of {block} under {name}", settings.sd_condition, scaled, (name,)))

@@ -39,9 +39,8 @@ class Linear:
 
     def extended(self, features: np.ndarray) -> "Linear":
         """Add linear terms, whose weights are standard normal a priori."""
-        return Linear(
-            np.concatenate([self.z, np.zeros(features.shape[1])]), self.residual, np.hstack([self.jacobian, features])
-        )
+        z = np.append(self.z, np.zeros(features.shape[1]))
+        return Linear(z, self.residual, np.hstack([self.jacobian, features]))
 
 
 @dataclass

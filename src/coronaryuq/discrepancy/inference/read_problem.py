@@ -36,9 +36,6 @@ MISTYPED = {"perfusion": 1e4}
 """Largest plausible ratio of a measured value to the largest simulated value; 50 for other quantities."""
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
 """Largest plausible ratio of the median measured/simulated value; kPa and mmHg differ by a factor of 7.5."""
-
-MARKS = (":", "~", "<", ">")
-"""Separators of the blocks of a place."""
 LEAST_WHITE = 0.1
 """Smallest fraction of a standard deviation that remains white noise, whatever floor and time-step allowance add."""
 OUT_OF_USE = 1e3
@@ -63,28 +60,6 @@ def locations(network: Network) -> dict[str, list[str]]:
         "perfusion": list(Anatomy(network).beds),
         "ratio": places,
     }
-
-
-def check_searchable(network: Network, file: str | Path) -> None:
-    """Raise `InputError` if the network contains elements the search does not support; `file` for messages.
-
-    Places are written BLOCK:BLOCK, BED~BED, BED<BED and VESSEL>VESSEL, so no name may contain these separators.
-    """
-    if not network.vessels:
-        raise InputError(file, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
-    for block in network.couplings:
-        remedy = (
-            "coupled to an external solver, which the search does not support; replace it with a boundary condition"
-        )
-        raise InputError(file, f"external_solver_coupling_blocks.{block['name']}", None, remedy)
-    for vessel in network.vessels:
-        if vessel["zero_d_element_type"] == "BloodVesselRC":
-            remedy = "element not supported by the search; use BloodVessel, or BloodVesselCRL with R_poiseuille and C"
-            raise InputError(file, vessel["vessel_name"], "BloodVesselRC", remedy)
-    for part, key in (("vessels", "vessel_name"), ("boundary_conditions", "bc_name"), ("junctions", "junction_name")):
-        for block in network.get(part, []):
-            if any(mark in block[key] for mark in MARKS):
-                raise InputError(file, f"{part}.{key}", block[key], f"expected a name without {' '.join(MARKS)}")
 
 
 def read_series(

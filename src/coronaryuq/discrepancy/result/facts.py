@@ -26,15 +26,17 @@ def facts(discovery: Discovery) -> dict:
     Returns
     -------
     dict
-        measurements, objective: number of fitted measurements and sum of squares of the recalibrated model. driven: by
-        a measured pressure or flow. worst: the group with the largest misfit. best: the effects of the best hypothesis,
-        named or not. answer: the answer given, and the probabilities of all. unexplained: whether a misfit remains.
+        measurements, objective: number of fitted measurements and sum of squares of the recalibrated model. waveforms:
+        whether there are any. driven: by a measured pressure or flow. worst: the group with the largest misfit. best:
+        the effects of the best hypothesis, named or not. answer: the answer given, and the probabilities of all.
+        unexplained: whether a misfit remains.
     """
     problem, located, answer = discovery.problem, discovery.located, discovery.answer
     level, count, objective = problem.settings.alarm_level, len(discovery.base.residual), discovery.base.objective
     return {
         "measurements": count,
         "objective": float(objective),
+        "waveforms": any(series.time is not None for series in problem.forward.measured),
         "driven": not problem.forward.anatomy.closed_loop,
         "worst": next(({name: getattr(group, name) for name in WHERE} for group in located.groups), None),
         "best": [_described(discovery, placed) for placed in discovery.hypothesis],

@@ -162,6 +162,12 @@ def conflict_text(intro: str, conflicts: Sequence[Mapping]) -> str:
     return f"{intro} {listed(texts)}. "
 
 
+def within_text(named: Mapping) -> str:
+    """State where in its vessel a named effect acts; empty unless it has a start and an end."""
+    start, end = (named.get("physical", {}).get(f"{one} in the vessel, mm") for one in ("start", "end"))
+    return "" if start is None or end is None else f", {start:.0f} to {end:.0f} mm from its start"
+
+
 def label_text(effect: Mapping) -> str:
     """Name an effect and its place."""
     place = effect["place"].replace("~", " and ")

@@ -179,7 +179,8 @@ def _effect_lines(forward: Forward, hypothesis: Hypothesis, fit: Fit) -> list[st
     pressure = next(name for name, factor in units.PRESSURES.items() if factor == forward.pressure_factor)
     lines = [f"Effects (dimensional sizes are in the units of the network: {pressure}, mL, s)"]
     for (effect, place), sizes in zip(hypothesis, hypothesis.physical_sizes(fit.z), strict=True):
-        shown = ", ".join(f"{k} {v:.4g}" for k, v in effect.physical(place, sizes, forward.anatomy).items())
+        values, known = effect.physical(place, sizes, forward.anatomy), {p.name: p.meaning for p in effect.parameters}
+        shown = ", ".join(f"{known.get(name, name)}: {value:.4g}" for name, value in values.items())
         lines += [f"  {effect.name} at {place}: {shown}", f"    {effect.formula}", f"    written as: {effect.native}"]
     return lines if hypothesis else [*lines, "  none"]
 

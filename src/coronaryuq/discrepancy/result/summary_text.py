@@ -15,6 +15,8 @@ from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OT
 STAND_IN = "it may be a surrogate for a mechanism outside the library. "
 RESIDUALS = "The residual waveforms show where it acts and its shape."
 EACH = "each condition, held out in turn,"
+NEAREST, LEAST_SHARE = 3, 0.1
+"""Number of effects that are listed where none is named, and the least share of each."""
 SURE = 0.9
 """Probability from which a statement has no "probably"."""
 DENSITY = "log_predictive_density_per_row"
@@ -37,7 +39,7 @@ def paragraph(answer: Mapping) -> str:
     """
     facts, gaps, held_out = answer["facts"], answer["held_out"], _held_out(answer)
     count, p = facts["measurements"], answer["global_test"]["p"]
-    data_notes = phrases.noise_notes(answer["noise"]) + phrases.outlier_notes(answer["outliers"])
+    notes = phrases.noise_notes(answer["noise"]) + phrases.outlier_notes(answer["outliers"])
     if answer["consistent"]:
         nothing = facts["answer"]["probabilities"][NOTHING]
         other = f"; that something is missing, {1.0 - nothing:.2f}" if nothing < SURE else ""
@@ -47,33 +49,37 @@ def paragraph(answer: Mapping) -> str:
             if answer["alarm"]
             else f"agrees with the {count} fitted measurements (global test {p_text(p)}): there is nothing to explain"
         )
-        text = data_notes + (
-            f"After recalibration, the model {agreement} (probability {nothing:.2f}{other}). "
-            + phrases.conflict_text("Recalibration moves", answer["prior_conflicts"])
-            + f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({phrases.EXPECTED_MISFIT}). "
-            + phrases.detectable_text(answer["detectable"])
-        )
-        return (
-            text
-            + phrases.overstated_sd_warning(facts["objective"], count)
-            + phrases.prediction_warning(gaps["p_held_out"], held_out)
-        )
-    text = data_notes + (
+        said = [
+            f"After recalibration, the model {agreement} (probability {nothing:.2f}{other}).",
+            f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({phrases.EXPECTED_MISFIT}).",
+            phrases.detectable_text(answer["detectable"]),
+            phrases.overstated_sd_warning(facts["objective"], count),
+            phrases.prediction_warning(gaps["p_held_out"], held_out),
+            phrases.conflict_text("Recalibration moves", answer["prior_conflicts"]),
+        ]
+        return _joined(*said, notes)
+    text = (
         f"The model disagrees with the {count} fitted measurements beyond what recalibration can explain "
         f"(global test {p_text(p)}), {_where(facts['worst'])}. "
         if answer["alarm"]
         else f"The global test of the {count} fitted measurements finds no misfit ({p_text(p)}), but all data together "
         "are more probable if something is missing. "
     )
-    text += phrases.conflict_text("Recalibration has to move", answer["prior_conflicts"])
+    moved = phrases.conflict_text("Without an effect, recalibration has to move", answer["prior_conflicts"])
     if answer["outside_library"]:
-        said = text + _outside_library(answer, held_out)
-        return said + ("" if _unseen(answer, held_out) else _shown(facts, answer["unknown_source"]))
+        text += _outside_library(answer, held_out)
+        text += "" if _unseen(answer, held_out) else _shown(facts, answer["unknown_source"])
+        return _joined(text, moved, notes)
     for number, effect in enumerate(answer["named"]):
         best = "The best" if facts["answer"]["probabilities"][NAMES] >= SURE else "The likeliest"
         text += f"{best} explanation is " if number == 0 else "A further effect is "
         text += _named_effect(effect, facts["best"])
-    return (text + _not_confirmed(answer) + _remaining(answer, held_out)).rstrip()
+    text += _not_confirmed(answer) + _remaining(answer, held_out)
+    return _joined(text, moved, notes)
+
+
+def _joined(*sentences: str) -> str:
+    return " ".join(" ".join(sentences).split())
 
 
 def _where(worst: Mapping) -> str:
@@ -91,8 +97,9 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"Something is missing (probability {certainty:.2f}) that only the held-out conditions "
             f"({', '.join(held_out)}) show. No effect is named, because none is fitted to these: hold out another one."
         )
+    residuals = RESIDUALS if answer["facts"]["waveforms"] else ""
     if not best:
-        return f"{start}. {RESIDUALS}"
+        return f"{start}. {_nearest(answer)}{residuals}".rstrip()
     labels = listed([phrases.label_text(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (
@@ -122,14 +129,21 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         )
         reason = f"{candidate} {'is' if one else 'are'} {labels}, but {unlisted}. No effect is named. {change}"
     elif forms["support_nats"] < 1.0:
-        reason = f"no effect of the library explains any of it. {RESIDUALS} No effect is named."
+        reason = f"no effect of the library explains any of it. {residuals} No effect is named."
     else:
         reason = (
             f"{candidate}, {labels}, {'explains' if one else 'explain'} only a part of it (probability of the "
             f"name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}; evidence beside a flexible error: "
-            f"{max(forms['support_nats'], 0.0):.0f} nats). {RESIDUALS} No effect is named. {change}"
+            f"{max(forms['support_nats'], 0.0):.0f} nats). {residuals} No effect is named. {change}"
         )
     return f"{start}: {reason}"
+
+
+def _nearest(answer: Mapping) -> str:
+    """List the effects that come nearest where none is worth naming."""
+    first = (answer["rounds"] or [[]])[0]
+    near = [f"{phrases.label_text(one)} ({one['share']:.2f})" for one in first[:NEAREST] if one["share"] >= LEAST_SHARE]
+    return f"Of the library's effects, {listed(near)} come nearest (shares of their probability). " if near else ""
 
 
 def _unseen(answer: Mapping, held_out: list[str]) -> bool:
@@ -166,8 +180,8 @@ def _shown(facts: Mapping, source: Mapping | None) -> str:
     """State in which data alone something else shows, if that is probable, and where an unknown flow may be."""
     forms, likeliest = facts["answer"], _likeliest(facts)
     quantity, place, condition = likeliest["quantity"], likeliest["location"], likeliest["condition"]
-    elsewhere = forms["leading_form"] in (VARYING, MISWIRED, UNLISTED)
-    if elsewhere or not (quantity or condition) or likeliest["probability"] < 0.5:
+    other_form = forms["leading_form"] in (VARYING, MISWIRED, UNLISTED)
+    if other_form or not (quantity or condition) or likeliest["probability"] < 0.5:
         return _source(source)
     if not quantity:
         data = f"the data under {condition}"
@@ -184,7 +198,9 @@ def _shown(facts: Mapping, source: Mapping | None) -> str:
         cause = f"an error that they share{drive}, or a cause that hardly changes the others."
     probability, likely = likeliest["probability"], " probably" * (likeliest["probability"] < SURE)
     said = f" It{likely} shows in {data} alone (probability {probability:.2f}): {cause}"
-    return said + (_source(source) if quantity == "flow" else "")
+    # A source elsewhere would show at other places, too.
+    elsewhere = place and source and source.get("vessel") not in place.split(":")
+    return said + (_source(source) if quantity == "flow" and not elsewhere else "")
 
 
 def _source(found: Mapping | None) -> str:
@@ -209,7 +225,7 @@ def _named_effect(named: Mapping, best: Sequence[Mapping]) -> str:
     """Describe a named effect: probability, size, measurements that would distinguish its class, and doubts."""
     facts = next(e for e in best if (e["effect"], e["place"]) == (named["effect"], named["place"]))
     probability, size = phrases.class_probability_text(named["class"]), phrases.size_text(facts["sizes"])
-    text = f"{phrases.label_text(named)} ({probability}; {size}). "
+    text = f"{phrases.label_text(named)}{phrases.within_text(named)} ({probability}; {size}). "
     text += facts["assumption"]
     if named["wiring_errors"]:
         statements = listed([f"{one['statement']} ({one['probability']:.2f})" for one in named["wiring_errors"]])

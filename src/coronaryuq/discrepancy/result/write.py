@@ -180,9 +180,10 @@ WRITTEN = (
     *("discrepancy.json", "paragraph.txt", "located.csv", "residuals.csv", "ranking.csv", "sizes.csv", "tree.csv"),
     *("gap.csv", "pullback.csv", "source.csv", "detectable.csv", REPAIRED, REWIRED, "measurements.csv"),
     *("conditions.yaml", "difference.txt", "pairs.csv", "laws.csv", "effects.csv", "predicted.csv"),
-    *("report.html", *(f"figures/{name}.png" for name in FIGURES)),
 )
-"""All files that a search may write, apart from the folder `drives`."""
+"""All files that a search may write, apart from the folder `drives` and its page."""
+OF_PAGE = ("report.html", *(f"figures/{name}.png" for name in FIGURES))
+"""Files of the page of an answer."""
 DETECTABLE = ["effect", "place", "parameter", "size", "unit", "signal"]
 A_CASE = ("measurements.csv", "conditions.yaml")
 """Files that a case also has: they belong to an earlier search only if a model that it wrote is next to them."""
@@ -193,7 +194,7 @@ def clear(folder: Path) -> None:
     drives, model = [], any((folder / name).exists() for name in (REPAIRED, REWIRED))
     if model and (folder / "conditions.yaml").exists():
         drives = [path for path in drive_paths(folder / "conditions.yaml") if path.parent == folder / "drives"]
-    ours = [folder / name for name in WRITTEN if model or name not in A_CASE]
+    ours = [folder / name for name in (*WRITTEN, *OF_PAGE) if model or name not in A_CASE]
     for path in (*ours, *drives):
         path.unlink(missing_ok=True)
 

@@ -116,8 +116,12 @@ class Discovery:
         return [parameter for parameter, z, _ in self.sizes(placed) if abs(z) > RULE.prior_bound]
 
     def sizes(self, placed: PlacedEffect) -> list[tuple[Parameter, float, float]]:
-        """Return each size of an effect as parameter, z and posterior standard deviation of z."""
+        """Return each size of an effect as parameter, z and posterior standard deviation of z.
+
+        The mean, or of an implausible one the fit, beside which an error of the model is less probable.
+        """
         columns = self.hypothesis.columns(self.fit.z, placed)
         mean, covariance = self.fit.posterior.moments()
+        mean = self.fit.z if placed in self.answer.implausible else mean
         spread = np.sqrt(np.diag(covariance))
         return list(zip(placed.effect.parameters, mean[columns], spread[columns], strict=True))

@@ -159,15 +159,10 @@ def _search(
         state, _ = _check(state, library, report)
     gaps, p = _held_out(base_problem, base, state, folds, seed)
     accepted = {entry.named.placed: entry for entry in state.rounds if entry.accepted is not None}
-    weighed = answer(
-        state.problem,
-        plain,
-        state.fit,
-        state.hypothesis,
-        [accepted[placed].class_log_prior for placed in state.hypothesis],
-        list({candidate.effect.name: candidate.effect for candidate in start.candidates}.values()),
-        {error: odds for placed in state.hypothesis for error, odds in accepted[placed].wiring_errors.items()},
-    )
+    priors = [accepted[placed].class_log_prior for placed in state.hypothesis]
+    possible = list({candidate.effect.name: candidate.effect for candidate in start.candidates}.values())
+    rivals = {error: odds for placed in state.hypothesis for error, odds in accepted[placed].wiring_errors.items()}
+    weighed = answer(state.problem, plain, state.fit, state.hypothesis, priors, possible, rivals)
     nodes: list[tuple[str, float]] = []
     source: UnknownSource | None = None
     if weighed.given == OTHER and weighed.leading_form != MISWIRED:

@@ -1,0 +1,35 @@
+"""Networks on which effects can act."""
+
+from pathlib import Path
+
+from coronaryuq.case.network.network import Network
+from coronaryuq.core.errors import InputError
+
+MARKS = (":", "~", "<", ">")
+"""Separators of the blocks of a place."""
+
+
+def check_searchable(network: Network, file: str | Path) -> None:
+    """Raise `InputError` if the network contains what no effect can act on; `file` for messages.
+
+    Places are written BLOCK:BLOCK, BED~BED, BED<BED and VESSEL>VESSEL, so no name may contain these separators.
+    """
+    if not network.vessels:
+        raise InputError(file, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
+    for block in network.couplings:
+        remedy = (
+            "coupled to an external solver, which the search does not support; replace it with a boundary condition"
+        )
+        raise InputError(file, f"external_solver_coupling_blocks.{block['name']}", None, remedy)
+    for vessel in network.vessels:
+        if vessel["zero_d_element_type"] == "BloodVesselRC":
+            remedy = "element not supported by the search; use BloodVessel, or BloodVesselCRL with R_poiseuille and C"
+            raise InputError(file, vessel["vessel_name"], "BloodVesselRC", remedy)
+        for name, value in vessel["zero_d_element_values"].items():
+            if isinstance(value, float | int) and value < 0.0:
+                where = f"vessels.{vessel['vessel_name']}.{name}"
+                raise InputError(file, where, value, "expected a value of zero or more")
+    for part, key in (("vessels", "vessel_name"), ("boundary_conditions", "bc_name"), ("junctions", "junction_name")):
+        for block in network.get(part, []):
+            if any(mark in block[key] for mark in MARKS):
+                raise InputError(file, f"{part}.{key}", block[key], f"expected a name without {' '.join(MARKS)}")
