@@ -49,6 +49,7 @@ def _rename(network, part, key, name):
 )
 def test_networks_that_cannot_be_searched_are_rejected(change, said):
     network = left_coronary()
+    network["vessels"][1]["zero_d_element_values"]["stenosis_coefficient"] = -0.05  # learned from 3D runs
     check_searchable(network, "n.json")
     change(network)
     with pytest.raises(InputError) as caught:

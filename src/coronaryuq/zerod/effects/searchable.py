@@ -7,6 +7,8 @@ from coronaryuq.core.errors import InputError
 
 MARKS = (":", "~", "<", ">")
 """Separators of the blocks of a place."""
+NEVER_NEGATIVE = ("R_poiseuille", "L", "C")
+"""Values of a vessel; a stenosis coefficient is negative where a vessel widens, as one learned from 3D may be."""
 
 
 def check_searchable(network: Network, file: str | Path) -> None:
@@ -25,8 +27,9 @@ def check_searchable(network: Network, file: str | Path) -> None:
         if vessel["zero_d_element_type"] == "BloodVesselRC":
             remedy = "element not supported by the search; use BloodVessel, or BloodVesselCRL with R_poiseuille and C"
             raise InputError(file, vessel["vessel_name"], "BloodVesselRC", remedy)
-        for name, value in vessel["zero_d_element_values"].items():
-            if isinstance(value, float | int) and value < 0.0:
+        for name in NEVER_NEGATIVE:
+            value = vessel["zero_d_element_values"].get(name, 0.0)
+            if value < 0.0:
                 where = f"vessels.{vessel['vessel_name']}.{name}"
                 raise InputError(file, where, value, "expected a value of zero or more")
     for part, key in (("vessels", "vessel_name"), ("boundary_conditions", "bc_name"), ("junctions", "junction_name")):
