@@ -156,8 +156,8 @@ def test_where_nothing_is_worth_naming_the_nearest_effects_are_listed_without_wa
     facts = {"best": [], "answer": forms, "waveforms": False}
     answer = {"alarm": True, "held_out": {}, "facts": facts, "rounds": [first]}
     assert summary_text._outside_library(answer, []) == (
-        "Something other than an effect of the library is missing (probability 0.96). Of the library's effects, "
-        "diffuse narrowing at lad (0.35) and bifurcation loss at lad (0.33) come nearest (shares of their probability)."
+        "Something other than an effect of the library is missing (probability 0.96). Nearest of the library's "
+        "effects, with shares of their probability: diffuse narrowing at lad (0.35) and bifurcation loss at lad (0.33)."
     )
     answer["facts"]["waveforms"], answer["rounds"] = True, []
     assert summary_text._outside_library(answer, []).endswith(f"(probability 0.96). {summary_text.RESIDUALS}")

@@ -143,7 +143,7 @@ def _nearest(answer: Mapping) -> str:
     """List the effects that come nearest where none is worth naming."""
     first = (answer["rounds"] or [[]])[0]
     near = [f"{phrases.label_text(one)} ({one['share']:.2f})" for one in first[:NEAREST] if one["share"] >= LEAST_SHARE]
-    return f"Of the library's effects, {listed(near)} come nearest (shares of their probability). " if near else ""
+    return f"Nearest of the library's effects, with shares of their probability: {listed(near)}. " if near else ""
 
 
 def _unseen(answer: Mapping, held_out: list[str]) -> bool:
