@@ -139,6 +139,13 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
     assert factor.startswith(f"factor on the model's intramyocardial pressure: rest {np.exp(added):.2g} (")
 
 
+def test_an_offset_beside_which_another_unit_is_printed_says_what_it_is_relative_to():
+    varying = Constancy(placed("pressure_offset", "a:b"), 9.0, {"rest": (1.0, 0.1), "pacing": (2.0, 0.1)})
+    assert phrases.sizes_by_condition(by_condition(varying, OPEN_LOOP)).startswith(
+        "offset over the mean pressure of the series: rest 0.08"
+    )
+
+
 @pytest.mark.parametrize(
     ("name", "z", "text"),
     [

@@ -130,9 +130,13 @@ def with_interval(parameter: Parameter, z: float, sd: float) -> list[float]:
 
 
 def _size_label(placed: PlacedEffect, parameter: Parameter, anatomy: Anatomy) -> str:
-    """Return a short name of a size: the parameter's, unless the effect describes it differently in this network."""
+    """Return a short name of a size: the parameter's, unless the effect describes it differently in this network.
+
+    An offset is given in another unit beside it, and says what it is relative to.
+    """
     meaning, _ = placed.effect.describe(parameter, float(parameter.from_standard(0.0)), anatomy)
-    return parameter.name.replace("_", " ") if meaning == parameter.meaning else meaning
+    short = meaning == parameter.meaning and not isinstance(placed.effect, Offset)
+    return parameter.name.replace("_", " ") if short else meaning
 
 
 def prior_conflicts(located: Located, nuisances: list[Nuisance], level: float) -> list[dict]:
