@@ -9,6 +9,7 @@ from coronaryuq.cli import discrepancy as command
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_text
 from coronaryuq.discrepancy.result import write
+from coronaryuq.discrepancy.selection.shared_device import NONE
 from coronaryuq.report.captions import SEARCHES
 from support.discrepancy_command import arguments, case_arguments, case_words
 
@@ -85,13 +86,14 @@ def test_a_page_shows_the_answer_with_its_figures(stenosis_case, tmp_path, capsy
 
 
 def test_several_recordings_are_on_one_page():
-    several = arguments("--recordings", "folder", "A", "B", "--out", "out")
-    assert command._of_page(several, Path("out"), "one device") == (
-        {"A": Path("out/A"), "B": Path("out/B")},
-        "one device",
+    several, device = arguments("--recordings", "folder", "A", "B", "--out", "out"), {"quantity": "flow"}
+    device |= {"places": {"A": "x", "B": "y"}, "probabilities": {NONE: 0.95}, "errors": []}
+    found, note = command._of_page(several, Path("out"), {"devices": [device]})
+    assert found == {"A": Path("out/A"), "B": Path("out/B")} and note.startswith(
+        "One device reads flow in A and B: no "
     )
     one = arguments("--recordings", "folder", "A", "--out", "out")
-    assert command._of_page(one, Path("out"), "a text") == ({"A": Path("out")}, "")
+    assert command._of_page(one, Path("out"), {"paragraph": "a text"}) == ({"A": Path("out")}, "")
 
 
 def test_all_figures_of_a_page_are_removed_with_an_earlier_answer():

@@ -12,7 +12,7 @@ from coronaryuq.core.io.text import visible
 from coronaryuq.discrepancy.data.conditions import drive_paths
 from coronaryuq.discrepancy.data.pullbacks import has_pullback
 from coronaryuq.discrepancy.settings import GIVEN, Settings
-from coronaryuq.report.captions import INVENTED
+from coronaryuq.report.captions import INVENTED, PAIRS_TABLES
 
 CASE = {"model": "model.json", "measurements": "measurements.csv", "conditions": "conditions.yaml"}
 HIDING = {"hidden_effect", "hidden_size"}
@@ -24,7 +24,6 @@ INPUTS = {
 TABLES = ("tree", "residuals", "ranking", "sizes", "gap")
 WITH_NAMES = {"tree", "residuals", "ranking", "sizes", "pullback"}
 """Figures that name vessels, beds or places."""
-PAIRS_TABLES = {"pairs": "pairs", "pairs_gap": "pairs", "pairs_effects": "effects"}
 
 
 @dataclass(frozen=True)

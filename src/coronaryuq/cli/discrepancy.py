@@ -14,7 +14,7 @@ from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.result import write
 from coronaryuq.discrepancy.result.summary_text import write_paragraph
 from coronaryuq.discrepancy.search_case import search_case
-from coronaryuq.discrepancy.search_recordings import search_recordings
+from coronaryuq.discrepancy.search_recordings import in_words, search_recordings
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.discrepancy.table_model.search import discover_pairs
 from coronaryuq.report.search_page import write_search_page
@@ -89,18 +89,18 @@ def main(args: argparse.Namespace) -> int:
     result = _run(args, out)
     print(json.dumps(result, default=float) if args.json else result["paragraph"])
     if args.page:
-        page = write_search_page(out, *_of_page(args, out, result["paragraph"]))
+        page = write_search_page(out, *_of_page(args, out, result))
         print(f"wrote {page}", file=sys.stderr)
     else:
         print(f"wrote the tables of the answer to {out}; --page draws them on a page", file=sys.stderr)
     return 0
 
 
-def _of_page(args: argparse.Namespace, out: Path, paragraph: str) -> tuple[dict[str, Path], str]:
+def _of_page(args: argparse.Namespace, out: Path, result: dict) -> tuple[dict[str, Path], str]:
     """Return the searches of a page, with their folders, and what holds for all of them."""
     animals = (args.recordings or [])[1:]
     if len(animals) > 1:
-        return {animal: out / animal for animal in animals}, paragraph.partition(f"\n{animals[0]}: ")[0]
+        return {animal: out / animal for animal in animals}, " ".join(map(in_words, result["devices"]))
     return {animals[0] if animals else "pairs" if args.pairs else Path(args.measurements).stem: out}, ""
 
 

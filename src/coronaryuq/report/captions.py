@@ -135,6 +135,8 @@ CAPTIONS = {
     ),
 }  # fmt: skip
 """By the figure's name, in the order of the page."""
+PAIRS_TABLES = {"pairs": "pairs", "pairs_gap": "pairs", "pairs_effects": "effects"}
+"""Figure of a table model → table from which it is drawn; of other searches they have one name."""
 SEARCHES = {
     "tree": Caption(
         "Misfit along the tree",

@@ -8,11 +8,9 @@ from coronaryuq.core import provenance
 from coronaryuq.core.io.atomic import write_text
 from coronaryuq.core.io.tables import read_csv
 from coronaryuq.figures.draw import draw
-from coronaryuq.report.captions import SEARCHES
+from coronaryuq.report.captions import PAIRS_TABLES, SEARCHES
 from coronaryuq.report.discrepancy import environment, searched, title
 
-TABLES = {"pairs_gap": "pairs", "pairs_effects": "effects"}
-"""Figure → table from which it is drawn, where the names differ."""
 ANSWER = "discrepancy.json"
 
 
@@ -52,7 +50,7 @@ def write_search_page(out: Path, found: Mapping[str, Path], note: str = "") -> P
 
 
 def _table(folder: Path, figure: str) -> Path:
-    return folder / f"{TABLES.get(figure, figure)}.csv"
+    return folder / f"{PAIRS_TABLES.get(figure, figure)}.csv"
 
 
 def _has_content(folder: Path, figure: str) -> bool:
