@@ -24,8 +24,12 @@ FROM = " from "
 """Between the branch and the vessel of a place."""
 TAG = "origin"
 """Suffix of the vessel that replaces the start of a branch."""
-CLOSED = 1e9
-"""Resistance of a connection that carries almost nothing, over pressure per flow of its branch."""
+CLOSED = 1e3
+"""Resistance of a connection that carries almost nothing, over pressure per flow of its branch.
+
+Connections swap roles as a branch moves, but pivots are chosen once, for where it is in the model. Rounding of flows by
+1e-16 then is a pressure of CLOSED times 1e-16 of the root's, which has to stay near the tolerance of Newton's method.
+"""
 PARTIAL = 0.1
 """Resistance of both connections where a branch arises half from either node, in the same unit."""
 FARTHEST = 2
