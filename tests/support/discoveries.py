@@ -47,7 +47,7 @@ def discovery(
             forms={ALONE: 1.0 - probability},
             shown={("", ""): 1.0},
             device="",
-            picked_up="",
+            picked_up=[],
             log_evidence=evidence + log_prior,
             support=0.0,
             wiring_errors=[],

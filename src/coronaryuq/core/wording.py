@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from math import ceil, floor, inf, log10
 
 
-def listed(words: Sequence[str]) -> str:
+def listed(words: Sequence[str], conjunction: str = "and") -> str:
     """Join words as in a sentence: a, b and c."""
-    return " and ".join([", ".join(words[:-1])] * (len(words) > 1) + list(words[-1:]))
+    return f" {conjunction} ".join([", ".join(words[:-1])] * (len(words) > 1) + list(words[-1:]))
 
 
 def capitalised(text: str) -> str:

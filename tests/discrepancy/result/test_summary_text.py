@@ -19,7 +19,7 @@ def told(form, wiring_errors=()):
 
 def test_the_device_of_an_unlisted_response_is_told():
     form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": UNLISTED}
-    form |= {"device": "pressure at a:b", "picked_up": ""}
+    form |= {"device": "pressure at a:b", "picked_up": []}
     assert told(form).startswith(
         "Something other than an effect of the library is missing (probability 0.98): the best candidates are pressure "
         "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
@@ -29,7 +29,13 @@ def test_the_device_of_an_unlisted_response_is_told():
     assert (
         "but it is likelier that the device that reads pressure at a:b also picks up the flow at b:BC_b, through a "
         "linear response that the library does not list. No effect is named. "
-    ) in told(form | {"picked_up": "flow at b:BC_b"})
+    ) in told(form | {"picked_up": ["flow at b:BC_b"]})
+
+
+def test_signals_that_the_data_do_not_tell_apart_are_told():
+    form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": UNLISTED}
+    form |= {"device": "flow at a:b", "picked_up": ["pressure at a:b", "drive AORTA"]}
+    assert "also picks up the pressure at a:b or the drive AORTA, through" in told(form)
 
 
 def test_a_wiring_error_is_told_as_what_is_wrong_in_the_model():

@@ -1,6 +1,6 @@
 """An unlisted response of one device is told from the listed errors of that device by all data."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -17,15 +17,13 @@ from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.answer import NAMES, UNLISTED, answer
 from coronaryuq.discrepancy.selection.unlisted_response import (
-    TIME_SCALES,
     devices_of,
     log_prior_of_errors,
-    replaced_by,
-    share_of_responses,
+    possible_responses,
+    shares_of_responses,
     unlisted_responses,
 )
 from coronaryuq.zerod.effects.library import LIBRARY, effect
-from coronaryuq.zerod.effects.unlisted_response import UnlistedResponse
 from support.hypotheses import assume, placed
 from support.linear_problem import ANATOMY, LinearForward, linear_problem
 
@@ -121,50 +119,59 @@ def test_true_errors_of_one_device_are_named(response, found):
 
 
 def test_the_evidence_is_that_of_the_normal_distribution_of_the_data():
-    """By the covariance of all data: noise, nuisance, shapes of the response, and the model's own error."""
-    problem, hypothesis = recorded(echo(0.06, 0.4)), assume(LOW_PASS, DELAY, GAIN)
-    fit = problem.calibrate(hypothesis, np.zeros(4))
-    model, priors = linearise(problem, fit.z, hypothesis), [LISTED - 1.0, LISTED - 2.0, LISTED]
-    (weight,) = unlisted_responses(problem, model, hypothesis, priors, LIBRARY).values()
-    kept = hypothesis.without(LOW_PASS).without(DELAY)
-    z, slopes = np.delete(model.z, [1, 2]), np.delete(model.jacobian, [1, 2], axis=1)
+    """By the covariance of all data: noise, nuisance, shapes of the response, and the model's own error.
+
+    Of one effect found and one channel, so that the responses replace that effect, and all have one device.
+    """
+    problem, hypothesis = recorded(echo(0.06, 0.4)), assume(LOW_PASS)
+    fit = problem.calibrate(hypothesis, np.zeros(2))
+    model = linearise(problem, fit.z, hypothesis)
+    weights = unlisted_responses(problem, model, hypothesis, [LISTED], LIBRARY)
+    z, slopes = model.z[:1], model.jacobian[:, :1]
     features = gp_discrepancy.features(problem)
-    (residual,) = problem.whitened([(z, kept)])
+    (residual,) = problem.whitened([(z, PLAIN)])
     densities = []
-    for scale in TIME_SCALES:
-        device = placed(UnlistedResponse("flow", scale), PLACE)
-        units = np.eye(len(device.effect.parameters))
-        moved = problem.whitened([(np.append(z, unit), kept.with_(device)) for unit in units])
-        shapes = residual - moved
+    for response in possible_responses(problem, residual, LIBRARY):
+        spread = np.eye(len(residual)) + slopes @ slopes.T
+        spread[np.ix_(response.rows, response.rows)] += response.shapes @ response.shapes.T
         for amplitude, own in zip(AMPLITUDES, RIGHT, strict=True):
-            spread = np.eye(len(residual)) + slopes @ slopes.T + shapes.T @ shapes
-            spread += amplitude**2 * features @ features.T
-            normal = stats.multivariate_normal(np.zeros(len(residual)), spread)
-            densities.append(own + normal.logpdf(residual + slopes @ z) - np.log(len(TIME_SCALES)))
-    prior = LISTED + np.log(RULE.prior_outside * share_of_responses(LIBRARY) / len(devices_of(problem)))
+            normal = stats.multivariate_normal(np.zeros(len(residual)), spread + amplitude**2 * features @ features.T)
+            densities.append(response.log_prior + own + normal.logpdf(residual + slopes @ z))
     # The evidence leaves out the factor of the noise, which all models share.
     constant = 0.5 * len(residual) * np.log(2.0 * np.pi)
-    assert weight == pytest.approx(prior + logsumexp(densities) + constant, abs=1e-5)
+    assert list(weights) == [(f"flow at {PLACE}", "")]
+    # Responses are compared without the model's own error.
+    assert weights[f"flow at {PLACE}", ""] == pytest.approx(logsumexp(densities) + constant, abs=0.5)
 
 
-def test_a_response_replaces_the_errors_of_its_own_device_only():
-    problem, (device,) = recorded(late(0.0)), devices_of(recorded(late(0.0)))
-    elsewhere, every = placed("flow_delay", "AORTA:lcx"), placed("flow_low_pass", "every flow")
-    hypothesis = assume(LOW_PASS, GAIN, DELAY, placed("quadratic_stenosis", "lad"))
-    assert replaced_by(problem, device, hypothesis) == [LOW_PASS, DELAY]
-    assert unlisted_responses(problem, None, assume(GAIN), [0.0], LIBRARY) == {}
-    assert every in replaced_by(problem, device, assume(every)), "the only flow"
-    assert elsewhere.effect is effect("flow_delay")
+def test_the_priors_of_all_responses_add_up_to_their_share_of_something_else():
+    problem = recorded(late(0.0))
+    (residual,) = problem.whitened([(np.zeros(1), PLAIN)])
+    total = sum(np.exp(one.log_prior) for one in possible_responses(problem, residual, LIBRARY))
+    assert total == pytest.approx(RULE.prior_outside * sum(shares_of_responses(LIBRARY)))
+
+
+def test_a_device_reads_one_channel_or_all_of_a_quantity():
+    problem = recorded(late(0.0))
+    assert devices_of(problem) == {f"flow at {PLACE}": {("flow", PLACE)}}
+    problem.forward.measured[1] = replace(problem.forward.measured[1], location="AORTA:lcx")
+    both = {("flow", PLACE), ("flow", "AORTA:lcx")}
+    assert devices_of(problem)["every flow"] == both and len(devices_of(problem)) == 3
+
+
+def test_no_response_is_weighed_where_no_effect_was_found():
+    assert unlisted_responses(recorded(late(0.0)), None, PLAIN, [], LIBRARY) == {}
 
 
 def test_as_many_causes_outside_the_library_are_responses_of_devices_as_in_it():
-    assert share_of_responses(LIBRARY) == pytest.approx(6 / len(LIBRARY))
-    assert share_of_responses([effect("quadratic_stenosis")]) == 0.0
+    own, other = shares_of_responses(LIBRARY)
+    assert own == pytest.approx(6 / len(LIBRARY)) and other > 0.0
+    assert shares_of_responses([effect("quadratic_stenosis")]) == (0.0, 0.0)
 
 
 def test_two_errors_of_one_chain_are_as_likely_as_one_unlisted_response():
     problem = recorded(late(0.0))
-    response = np.log(RULE.prior_outside * share_of_responses(LIBRARY))
+    response = np.log(RULE.prior_outside * shares_of_responses(LIBRARY)[0])
     pair, apart = assume(LOW_PASS, GAIN, DELAY), assume(LOW_PASS, GAIN)
     assert log_prior_of_errors(problem, pair, [-5.0, -4.0, -6.0], LIBRARY) == pytest.approx(response - 4.0)
     assert log_prior_of_errors(problem, apart, [-5.0, -4.0], LIBRARY) == -9.0, "a gain is no response in time"

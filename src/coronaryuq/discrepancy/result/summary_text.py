@@ -121,7 +121,8 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         reason = f"{phrases.varying_text(best)}. No effect is named. {change}"
     elif forms["leading_form"] == UNLISTED:
         unlisted = (
-            f"it is likelier that the device that reads {forms['device']} also picks up the {forms['picked_up']}, "
+            f"it is likelier that the device that reads {forms['device']} also picks up "
+            f"{listed([f'the {signal}' for signal in forms['picked_up']], 'or')}, "
             "through a linear response that the library does not list"
             if forms["picked_up"]
             else f"one linear response of the device that reads {forms['device']}, of a shape that the library does "

@@ -7,7 +7,7 @@ Hypotheses, with their prior probabilities, and the evidence of all data (`flexi
 - something else is missing: the recalibrated model and an unknown error of any size; or, because something else may
   resemble effects of the library, the model with these and such an error, or with a size that differs between
   conditions, or with a wiring error of the model in place of an effect, or with a response of a device that is not
-  listed: to what it reads, in place of the errors found on that device, or to another channel, in place of any effects.
+  listed, to what it reads or to another signal, in place of any effects.
 
 The most probable answer is given, with its probability: what a wrong one costs, only its reader knows.
 """
@@ -25,10 +25,9 @@ from coronaryuq.discrepancy.inference.evidence import Evidence, Where
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.size_constancy import Constancy, constancy
-from coronaryuq.discrepancy.selection.unlisted_pickup import share_of_pickups, unlisted_pickups
 from coronaryuq.discrepancy.selection.unlisted_response import (
     log_prior_of_errors,
-    share_of_responses,
+    shares_of_responses,
     unlisted_responses,
 )
 from coronaryuq.zerod.effects.base import Effect
@@ -59,7 +58,7 @@ class Answer:
     device
         What the device reads whose unlisted response is likeliest; empty if there is none.
     picked_up
-        The signal to which it responds, if that is not what it reads.
+        The signals to one of which it responds, as far as the data distinguish them; none if it may be its own.
     log_evidence
         Log evidence of all data for all answers together, weighted by their priors.
     support
@@ -76,7 +75,7 @@ class Answer:
     forms: dict[str, float]
     shown: dict[Where, float]
     device: str
-    picked_up: str
+    picked_up: list[str]
     log_evidence: float
     support: float
     wiring_errors: list[PlacedEffect]
@@ -141,7 +140,7 @@ def answer(
     implausible = beyond(fit, hypothesis, RULE.implausible)
     constancies: list[Constancy] = []
     nothing, alone = without_effects(plain)
-    named, unlisted, other, seen = -np.inf, ("", ""), {ALONE: alone}, plain
+    named, unlisted, other, seen = -np.inf, ("", list[str]()), {ALONE: alone}, plain
     if hypothesis:
         model, lacking = linearise(problem, fit.z, hypothesis), fit.unreached
         constancies = constancy(problem, model, hypothesis)
@@ -154,16 +153,10 @@ def answer(
         other[VARYING] = right + OUTSIDE + VARIES + float(logsumexp([entry.log_odds for entry in constancies]))
         other[MISWIRED] = right + float(logsumexp([0.0 if wiring else -np.inf, *rivals.values()]))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
-        pickups = unlisted_pickups(problem, model, hypothesis, log_priors, possible)
-        either = dict(pickups)
-        for device, weight in responses.items():
-            either[device, ""] = float(np.logaddexp(weight, pickups.get((device, ""), -np.inf)))
-        other[UNLISTED] = float(logsumexp([-np.inf, *either.values()])) - lacking
+        other[UNLISTED] = float(logsumexp([-np.inf, *responses.values()])) - lacking
         # Elsewhere the flexible error stands for these, too.
-        shares = share_of_responses(possible) * bool(responses), share_of_pickups(possible) * bool(pickups)
-        other[ALONE] += np.log1p(-sum(shares))
-        # Another signal is told only if the data distinguish it from the device's own.
-        unlisted = max(either, key=lambda one: either[one] - RULE.class_odds * bool(one[1]), default=unlisted)
+        other[ALONE] += np.log1p(-sum(shares_of_responses(possible)) * bool(responses))
+        unlisted = _likeliest(responses) if responses else unlisted
         if implausible and not wiring:
             other[ALONE] = float(np.logaddexp(other[ALONE], right))
         elif not wiring:
@@ -178,6 +171,14 @@ def answer(
     support = found.unknown - plain.unknown if hypothesis else 0.0
     shown = dict(zip(seen.shown, softmax(list(seen.shown.values())).tolist(), strict=True))
     return Answer(probabilities, forms, shown, *unlisted, total, support, wiring, implausible, constancies)
+
+
+def _likeliest(responses: Mapping[tuple[str, str], float]) -> tuple[str, list[str]]:
+    """Return the likeliest device, and the signals to which it may respond; none if its own is one of them."""
+    likeliest, _ = max(responses, key=lambda pair: responses[pair])
+    own = {signal: weight for (device, signal), weight in responses.items() if device == likeliest}
+    alike = [signal for signal, weight in own.items() if weight > max(own.values()) - RULE.class_odds]
+    return likeliest, [] if "" in alike else alike
 
 
 def beyond(fit: Fit, hypothesis: Hypothesis, bound: float) -> list[PlacedEffect]:

@@ -1,45 +1,79 @@
-"""Unlisted response: one linear response of a device, of unknown shape, in place of the listed errors found on it.
+"""Unlisted responses: a device that adds to its readings a signal, its own or another, in a way that is not listed.
 
 The delay and the low-pass of one device have together nearly the response of an echo in its line, of a filter with two
-poles or of a dispersive line, because any short response is to second order in frequency a delay and a smoothing. If
-the response of a chain is not that of a single listed error, two listed ones are taken to be as likely as one unlisted
-response: both are faults of the same chain.
+poles or of a dispersive line, because any short response is to second order in frequency a delay and a smoothing. A
+capacitive coupling adds the slope of a pressure to a flow, and crosstalk that grows with frequency adds a part of it; a
+compliance and a delay together have nearly the same response. So what the effects found explain, one or all of them,
+may equally be one such response, which has no more causes than one effect.
 """
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.effects.linear_response import amplitudes, picked_up, read_late
 from coronaryuq.zerod.effects.measuring_chain import Chain
-from coronaryuq.zerod.effects.unlisted_response import UnlistedResponse
 
 TIME_SCALES = (0.01, 0.02, 0.05, 0.1, 0.2)
 """Time scales of the lags, s, equally likely: from the filter of a flow probe to a fifth of a beat."""
-QUANTITIES = ("pressure", "flow")
+
+Channel = tuple[str, str]
+"""Quantity and location of waveforms."""
+Signal = dict[str, np.ndarray]
+"""Condition → complex amplitudes of a waveform's harmonics."""
 
 
-def share_of_responses(possible: Sequence[Effect]) -> float:
-    """Return the prior probability that something else is a linear response of one device.
+class Response(NamedTuple):
+    """What a device would add to its readings.
 
-    The library is the evidence for that: of causes outside it as many are taken to be of this kind as of those in it.
+    device: what it reads; signal: what it responds to, empty if that is the same; rows: of its readings (n,); shapes:
+    what a response adds to them, with standard normal weights, whitened (n, k); log_prior: log of its prior.
     """
-    return sum(isinstance(effect, Chain) for effect in possible) / max(len(possible), 1)
+
+    device: str
+    signal: str
+    rows: np.ndarray
+    shapes: np.ndarray
+    log_prior: float
+
+
+class _Read(NamedTuple):
+    """Readings of a channel under one condition: rows (n,), and times over the period (n,); period: s."""
+
+    channel: Channel
+    condition: str
+    rows: np.ndarray
+    phase: np.ndarray
+    period: float
+
+
+def shares_of_responses(possible: Sequence[Effect]) -> tuple[float, float]:
+    """Return the prior probabilities that something else is a response of a device to its own or to another signal.
+
+    The library is the evidence for that: of causes outside it as many are taken to be of these kinds as of those in it,
+    errors of `Chain` and readings of other places.
+    """
+    own, other = sum(isinstance(one, Chain) for one in possible), sum(one.reads_elsewhere for one in possible)
+    return own / max(len(possible), 1), other / max(len(possible), 1)
 
 
 def unlisted_responses(
     problem: Problem, model: Linear, hypothesis: Hypothesis, log_priors: Sequence[float], possible: Sequence[Effect]
-) -> dict[str, float]:
-    """Return the log weight of an unlisted response of each device, in place of the effects of `Chain` found there.
+) -> dict[tuple[str, str], float]:
+    """Return the log weights of unlisted responses in place of one or more of the effects found.
 
-    The model about the effects found is linear in the weights of the response's shapes, whose prior is normal, so that
-    its evidence has a closed form; it is averaged over the time scales of the response. All devices are equally likely.
+    The model about the effects found is linear in the weights of a response, whose prior is normal; so its evidence has
+    a closed form. All responses are compared under the problem's own noise, and the likeliest is weighed under all
+    noises and with the model's own error, which hardly change the comparison.
 
     Parameters
     ----------
@@ -55,17 +89,117 @@ def unlisted_responses(
     Returns
     -------
     dict
-        What the device reads → log prior plus log evidence of all data; only devices with such effects.
+        What the device reads, and the signal to which it responds, empty if that is the same → log prior plus log
+        evidence of all data.
     """
-    weights = {}
-    for device in devices_of(problem) if _any(hypothesis) else ():
-        replaced = replaced_by(problem, device, hypothesis)
-        if replaced:
-            kept = Hypothesis(tuple(placed for placed in hypothesis if placed not in replaced))
-            own = [log_priors[hypothesis.effects.index(placed)] for placed in kept]
-            prior = log_prior_of_errors(problem, kept, own, possible) + _log_prior(problem, possible)
-            weights[_reads(device)] = prior + _evidence(problem, model, hypothesis, device, kept)
-    return weights
+    effects = list(hypothesis)
+    left = [Hypothesis(kept) for size in range(len(effects)) for kept in combinations(effects, size)]
+    weights = defaultdict[tuple[str, str], float](lambda: -np.inf)
+    columns = [hypothesis.columns_of(model.z, kept) for kept in left]
+    rows = [(model.z[own], kept) for own, kept in zip(columns, left, strict=True)]
+    residuals = list(problem.whitened(rows)) if rows else []
+    for kept, own, residual in zip(left, columns, residuals, strict=True):
+        responses = list(possible_responses(problem, residual, possible)) if np.isfinite(residual).all() else []
+        if not responses:
+            continue
+        without = Linear(model.z[own], residual, model.jacobian[:, own])
+        gains = gains_of(without, responses)
+        likeliest = int(np.argmax(gains))
+        best = responses[likeliest]
+        shapes = np.zeros((len(residual), best.shapes.shape[1]))
+        shapes[best.rows] = best.shapes
+        extended = without.extended(shapes)
+        evidence = problem.all_data.evidence(extended.at_zero, extended.jacobian).right - gains[likeliest]
+        prior = log_prior_of_errors(problem, kept, [log_priors[effects.index(one)] for one in kept], possible)
+        for response, gain in zip(responses, gains, strict=True):
+            pair = response.device, response.signal
+            weights[pair] = np.logaddexp(weights[pair], prior + response.log_prior + evidence + gain)
+    return dict(weights)
+
+
+def gains_of(model: Linear, responses: Sequence[Response]) -> np.ndarray:
+    """Return by how much each response raises the log evidence of a linear model under the problem's own noise: (n,).
+
+    Parameters
+    ----------
+    model
+        Without a response; parameters and noise are standard normal a priori.
+    responses
+        Responses.
+
+    Returns
+    -------
+    ndarray
+        Log Bayes factors, nats.
+    """
+    factor = np.linalg.cholesky(np.eye(len(model.z)) + model.jacobian.T @ model.jacobian)
+    explained = np.linalg.solve(factor, model.jacobian.T)
+    score = model.at_zero - explained.T @ (explained @ model.at_zero)
+    gains = []
+    for response in responses:
+        within, along = explained[:, response.rows] @ response.shapes, response.shapes.T @ score[response.rows]
+        precision = np.eye(len(along)) + response.shapes.T @ response.shapes - within.T @ within
+        gains.append(0.5 * (along @ np.linalg.solve(precision, along) - np.linalg.slogdet(precision)[1]))
+    return np.array(gains)
+
+
+def possible_responses(problem: Problem, residual: np.ndarray, possible: Sequence[Effect]) -> Iterator[Response]:
+    """Yield each response of each device, for each time scale.
+
+    A device that reads one or more channels may read a part of its own signal late, without an error of the mean. A
+    device of one channel may also pick up a signal that is known wherever it reads, in part at once and in part late:
+    another one, or its own, whose pulsation it reads by a factor then or, with a lead, early. Signals are the waveforms
+    that are measured, without their noise: as the model predicts them; and those that drive the model. Another signal
+    is in units of its own standard deviation, and what a device adds of it in units of that of its readings, both under
+    the device's first condition.
+
+    residual: of the model without the effects that are replaced, whitened (n,).
+    """
+    own, other = shares_of_responses(possible)
+    channels, signals = _waveforms(problem, residual)
+    devices = devices_of(problem)
+    for device, covered in devices.items() if own else ():
+        heard = [one for channel in channels if channel in covered for one in channels[channel]]
+        prior = float(np.log(RULE.prior_outside * own / len(devices) / len(TIME_SCALES)))
+        rows = np.concatenate([one.rows for one in heard])
+        for scale in TIME_SCALES:
+            late = [
+                read_late(signals[_name(one.channel)][one.condition], one.phase, one.period, scale) for one in heard
+            ]
+            yield Response(device, "", rows, np.concatenate(late) / problem.sd[rows, None], prior)
+    pairs = [
+        (channel, signal)
+        for channel, heard in channels.items()
+        for signal, known in signals.items()
+        if all(one.condition in known for one in heard) and np.linalg.norm(known[heard[0].condition]) > 0.0
+    ]
+    for channel, signal in pairs if other else ():
+        heard, known, device = channels[channel], signals[signal], _name(channel)
+        prior = float(np.log(RULE.prior_outside * other / len(pairs) / len(TIME_SCALES)))
+        rows, first = np.concatenate([one.rows for one in heard]), heard[0].condition
+        unit = np.linalg.norm(signals[device][first]) / np.linalg.norm(known[first]) / problem.sd[rows, None]
+        for scale in TIME_SCALES:
+            added = [picked_up(known[one.condition], one.phase, one.period, scale) for one in heard]
+            yield Response(device, "" if signal == device else signal, rows, np.concatenate(added) * unit, prior)
+
+
+def _waveforms(problem: Problem, residual: np.ndarray) -> tuple[dict[Channel, list[_Read]], dict[str, Signal]]:
+    """Return the readings of each channel, and the signals by their names."""
+    predicted = problem.y - residual * problem.sd
+    channels, signals = defaultdict[Channel, list[_Read]](list), defaultdict[str, Signal](dict)
+    periods = {}
+    for series, rows in zip(problem.forward.measured, problem.forward.rows, strict=True):
+        if series.time is not None:
+            channel, phase = (series.quantity, series.location), series.time / series.period
+            read = _Read(channel, series.condition, np.arange(rows.start, rows.stop), phase, series.period)
+            channels[channel].append(read)
+            signals[_name(channel)][series.condition] = amplitudes(phase, predicted[rows], series.period)
+            periods[series.condition] = series.period
+    for name in periods:
+        for block, (time, value) in problem.forward.conditions[name].drive.items():
+            phase = time[:-1] / (time[-1] - time[0])
+            signals[f"drive {block}"][name] = amplitudes(phase, value[:-1], periods[name])
+    return channels, signals
 
 
 def log_prior_of_errors(
@@ -86,78 +220,48 @@ def log_prior_of_errors(
     float
         Log prior.
     """
-    total = float(sum(log_priors))
-    for device in devices_of(problem) if _any(hypothesis) else ():
-        waveforms = _waveforms(problem, device)
-        errors = [placed for placed in hypothesis if _waveforms(problem, placed) == waveforms]
+    total, effects = float(sum(log_priors)), list(hypothesis)
+    chain = [placed for placed in effects if isinstance(placed.effect, Chain)]
+    devices, (own, _) = devices_of(problem), shares_of_responses(possible)
+    for covered in devices.values() if len(chain) > 1 else ():
+        errors = [placed for placed in chain if _covered(problem, placed) == covered]
         if len(errors) > 1:
-            listed = sum(_acts_on(problem, effect, device) for effect in possible)
-            total -= sum(log_priors[hypothesis.effects.index(placed)] for placed in errors)
-            total += _log_prior(problem, possible) - np.log(max(comb(listed, len(errors)), 1))
+            listed = sum(_acts_on(problem, effect, covered) for effect in possible)
+            total -= sum(log_priors[effects.index(placed)] for placed in errors)
+            total += np.log(RULE.prior_outside * own / len(devices)) - np.log(max(comb(listed, len(errors)), 1))
     return total
 
 
-def _any(hypothesis: Hypothesis) -> bool:
-    return any(isinstance(placed.effect, Chain) for placed in hypothesis)
+def devices_of(problem: Problem) -> dict[str, set[Channel]]:
+    """Return what each device reads → its channels: each alone, and all of one quantity if there are several."""
+    waveforms = (one for one in problem.forward.measured if one.statistic == "waveform")
+    channels = list(dict.fromkeys((one.quantity, one.location) for one in waveforms))
+    devices = {_name(channel): {channel} for channel in channels}
+    for quantity in dict.fromkeys(quantity for quantity, _ in channels):
+        covered = {channel for channel in channels if channel[0] == quantity}
+        if len(covered) > 1:
+            devices[f"every {quantity}"] = covered
+    return devices
 
 
-def _log_prior(problem: Problem, possible: Sequence[Effect]) -> float:
-    """Return the log prior of an unlisted response of one device."""
-    return float(np.log(RULE.prior_outside * share_of_responses(possible) / len(devices_of(problem))))
+def _name(channel: Channel) -> str:
+    return "{} at {}".format(*channel)
 
 
-def _acts_on(problem: Problem, effect: Effect, device: PlacedEffect) -> bool:
+def _acts_on(problem: Problem, effect: Effect, covered: set[Channel]) -> bool:
     """Whether an effect of `Chain` is possible on a device."""
-    forward = problem.forward
-    here = device.place in effect.places(forward.anatomy, forward.measured)
-    return here and _waveforms(problem, PlacedEffect(effect, device.place)) == _waveforms(problem, device)
+    if not isinstance(effect, Chain):
+        return False
+    places = effect.places(problem.forward.anatomy, problem.forward.measured)
+    return any(_covered(problem, PlacedEffect(effect, place)) == covered for place in places)
 
 
-def devices_of(problem: Problem) -> list[PlacedEffect]:
-    """Return each device that reads waveforms, as an unlisted response at its place."""
-    forward = problem.forward
-    responses = (UnlistedResponse(quantity, TIME_SCALES[0]) for quantity in QUANTITIES)
-    return [
-        PlacedEffect(response, place)
-        for response in responses
-        for place in response.places(forward.anatomy, forward.measured)
-    ]
-
-
-def replaced_by(problem: Problem, device: PlacedEffect, hypothesis: Hypothesis) -> list[PlacedEffect]:
-    """Return the effects of `Chain` that act on waveforms of this device only."""
-    own = _waveforms(problem, device)
-    return [placed for placed in hypothesis if isinstance(placed.effect, Chain) and _waveforms(problem, placed) <= own]
-
-
-def _reads(device: PlacedEffect) -> str:
-    (quantity,) = device.effect.quantities  # type: ignore[attr-defined]
-    return device.place if device.place.startswith("every") else f"{quantity} at {device.place}"
-
-
-def _waveforms(problem: Problem, placed: PlacedEffect) -> set[tuple[str, str]]:
+def _covered(problem: Problem, placed: PlacedEffect) -> set[Channel]:
+    """Return the channels on which an effect of `Chain` acts."""
+    waveforms = (one for one in problem.forward.measured if one.statistic == "waveform")
     effect = placed.effect
     return {
-        (series.quantity, series.location)
-        for series in problem.forward.measured
-        if series.statistic == "waveform" and isinstance(effect, Chain) and effect.covers(placed.place, series)
+        (one.quantity, one.location)
+        for one in waveforms
+        if isinstance(effect, Chain) and effect.covers(placed.place, one)
     }
-
-
-def _evidence(problem: Problem, model: Linear, hypothesis: Hypothesis, device: PlacedEffect, kept: Hypothesis) -> float:
-    """Return the log evidence of all data of a right model with this device's response, averaged over time scales.
-
-    kept: effects of the hypothesis that the response does not replace.
-    """
-    columns = hypothesis.columns_of(model.z, kept)
-    z, slopes = model.z[columns], model.jacobian[:, columns]
-    (quantity,) = device.effect.quantities  # type: ignore[attr-defined]
-    responses = [PlacedEffect(UnlistedResponse(quantity, scale), device.place) for scale in TIME_SCALES]
-    units = np.eye(len(device.effect.parameters))
-    rows = [(np.concatenate([z, unit]), kept.with_(response)) for response in responses for unit in units]
-    residual, *moved = problem.whitened([(z, kept), *rows])
-    shapes = (residual - np.array(moved)).reshape(len(responses), len(units), -1)
-    without = Linear(z, residual, slopes)
-    each = [without.extended(own.T) for own in shapes]
-    found = [problem.all_data.evidence(one.at_zero, one.jacobian).right for one in each]
-    return float(logsumexp(found)) - np.log(len(found))
