@@ -8,7 +8,7 @@ import numpy as np
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
 from coronaryuq.discrepancy.forward.unresolved import waveforms
-from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors, vessel_errors
+from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors, vessel_errors, wave_errors
 
 
 @dataclass(eq=False)
@@ -26,6 +26,11 @@ class ErrorRuns:
         """The errors of the vessels that are no parameters of the model."""
         self._vessels = self._vessels or vessel_errors(self.forward)
         return self._vessels
+
+    @cached_property
+    def waves(self) -> VesselErrors:
+        """The errors of vessels that are not divided into parts, as far as they are linear."""
+        return wave_errors(self.forward)
 
     def change(self, points: np.ndarray, times: int, finer: int) -> np.ndarray:
         """Return the change (n, N) of the predictions from one refinement of the time steps to another, at (n, p)."""

@@ -1,4 +1,4 @@
-"""Errors that any prediction has: those of the time steps, and those of the vessels' own values."""
+"""Errors that any prediction has: those of the time steps, of the vessels' own values, and of vessels as lumps."""
 
 from dataclasses import dataclass
 
@@ -56,7 +56,7 @@ def known_errors(runs: ErrorRuns, noise: np.ndarray) -> KnownErrors:
     steps = time_steps(runs, noise)
     noise = np.hypot(noise, steps.sd)
     linear, others = runs.vessels.divided(noise)
-    return KnownErrors(steps, others, *linear.shapes(noise))
+    return KnownErrors(steps, others, *linear.with_(runs.waves).shapes(noise))
 
 
 def unresolved(runs: ErrorRuns, noise: np.ndarray, about: Sized, chain: Instruments) -> TimeSteps | None:

@@ -1,7 +1,8 @@
-"""Errors of the vessels' resistance, inertance and compliance and of the parts of beds, as shapes of the predictions.
+"""Errors of the vessels and of the parts of beds, as shapes of the predictions.
 
 A lumen is segmented with an error, and a wall's stiffness is not measured; the aorta's vessels are no exception. How a
 bed's resistance and compliance are shared between its parts, such as Rp and Rd, is a convention, not a measurement.
+So is the number of parts into which a vessel is divided, which stores blood in one place each.
 Where these errors change predictions little, their effect is linear, and its few leading shapes get weights, like those
 of the time steps. Where it is not, as that of an aorta's inertance on its resonance, the errors are parameters of the
 model; where the phase of an oscillation is unknown, see `known_errors`.
@@ -13,9 +14,11 @@ from itertools import compress
 
 import numpy as np
 
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, present
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
+from coronaryuq.zerod.effects.subdivision import Subdivision
 
 SD_RESISTANCE, SD_COMPLIANCE = 0.08, 0.12
 """Standard deviations of the logs: 0.08 is that of a radius by 2 %, in the resistance of Poiseuille's law."""
@@ -52,6 +55,11 @@ class VesselErrors:
         """Return the errors whose effect is linear within a noise (N,), CGS, and the others."""
         linear = np.linalg.norm(self.curved / noise, axis=1) <= SHAPED
         return self._of(linear), self._of(~linear)
+
+    def with_(self, other: "VesselErrors") -> "VesselErrors":
+        """Return these errors and others."""
+        pairs = ((self.changes, other.changes), (self.curved, other.curved))
+        return VesselErrors([*self.errors, *other.errors], *(np.vstack(pair) for pair in pairs))
 
     def _of(self, some: np.ndarray) -> "VesselErrors":
         return VesselErrors(list(compress(self.errors, some)), self.changes[some], self.curved[some])
@@ -105,6 +113,22 @@ def vessel_errors(forward: Forward) -> VesselErrors:
     each = np.eye(len(own.nuisances))[len(forward.nuisances) :]
     more, less = (own.predict(sign * each) - plain for sign in (1.0, -1.0))
     return VesselErrors(errors, (more - less) / 2.0, (more + less) / 2.0)._of(np.isfinite(more + less).all(axis=1))
+
+
+def wave_errors(forward: Forward) -> VesselErrors:
+    """Run the model with each of its vessels as a chain of parts; the data tell the weight, 1 for real vessels.
+
+    A pullback reads means, which do not depend on the parts.
+    """
+    wave, plain = Subdivision(), np.zeros(len(forward.nuisances))
+    vessels = wave.places(forward.anatomy)
+    points = [(np.append(plain, 1.0), Hypothesis((PlacedEffect(wave, vessel),))) for vessel in vessels]
+    lumped, *divided = replace(forward, shapes=None).predict_rows([(plain, PLAIN), *points])
+    changes = np.array(divided).reshape(-1, forward.size) - lumped
+    for rows, series in zip(forward.rows, forward.measured, strict=True):
+        changes[:, rows] *= series.pullback is None
+    errors = [Nuisance(f"waves in {vessel}", 1.0) for vessel in vessels]
+    return VesselErrors(errors, changes, np.zeros_like(changes))._of(np.isfinite(changes).all(axis=1))
 
 
 def _of_beds(anatomy: Anatomy) -> list[Nuisance]:

@@ -102,6 +102,20 @@ def put_ahead(network: Network, vessel: str, tag: str, stem: str = "") -> Networ
     return network
 
 
+def put_behind(network: Network, vessel: str, stem: str) -> str:
+    """Put a lossless vessel between a vessel of a network and what that feeds, in place; return its name.
+
+    The location where the vessel ended, `VESSEL:END`, becomes that of the added one.
+    """
+    name, above = grafted_name(network, stem), network.vessel(vessel)
+    outlet = above.get("boundary_conditions", {}).pop("outlet", None)
+    number = add_vessel(network, stem, {"R_poiseuille": 0.0}, **({"outlet": outlet} if outlet else {}))
+    for fed in network.junctions:
+        _reconnect(fed, "inlet", above, number, name)
+    _add_junction(network, f"J_{name}", above["vessel_id"], number)
+    return name
+
+
 def _add_junction(network: Network, name: str, inlet: int, outlet: int) -> None:
     network.setdefault("junctions", []).append(
         {
