@@ -13,8 +13,8 @@ from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.flexible import RIGHT, Flexible, Projection
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.selection.adapted import weighed
 from coronaryuq.discrepancy.selection.candidates import Candidate
-from coronaryuq.discrepancy.selection.exchange import weighed
 
 POSITIVE, SIGNED = (-1.0, 0.3, 1.6), (0.3, 1.2, -1.2)
 """Sizes that are run, in prior standard deviations; the score test uses the first."""
@@ -22,6 +22,8 @@ SHAPE_CHANGING = (0.3, -0.3, 0.6, -0.6, 1.2, -1.2, 2.0, -2.0)
 """Sizes of an effect whose shape changes with its size; all are tested, because one does not predict the others."""
 MULTIPLES = np.exp(np.linspace(np.log(1.0 / 3.0), np.log(3.0), 61))
 """Multiples of a run's response that represent the sizes between the runs."""
+SLOPE = (0.02,)
+"""Size of an effect that a recalibrated parameter has as well: whatever its size, only their slopes are compared."""
 NEARER = (0.95, 0.8, 0.5)
 """Fractions of the way from the prior mean to a point where the model does not run, at which it is tried instead."""
 
@@ -108,8 +110,8 @@ def first_size(candidate: Candidate) -> float:
 
 
 def _sizes(candidate: Candidate) -> tuple[float, ...]:
-    if candidate.effect.changes_shape:
-        return SHAPE_CHANGING
+    if candidate.effect.changes_shape or candidate.effect.recalibrated:
+        return SHAPE_CHANGING if candidate.effect.changes_shape else SLOPE
     return POSITIVE if candidate.one_sided else SIGNED
 
 

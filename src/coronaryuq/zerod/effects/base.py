@@ -131,6 +131,8 @@ class Effect(ABC):
         change by a delay of a quarter of the period differs in shape from that by a short delay.
     across_conditions
         True if `observe` needs the predictions of all conditions, not only of those whose readings are wanted.
+    recalibrated
+        True if a parameter that is recalibrated has the same effect, with a narrower prior; it has to move back.
     nameable
         False for a wiring error of the model: if it explains best, the missing cause is not an effect.
     """
@@ -147,6 +149,7 @@ class Effect(ABC):
     feedback: ClassVar[bool] = False
     changes_shape: ClassVar[bool] = False
     across_conditions: ClassVar[bool] = False
+    recalibrated: ClassVar[bool] = False
     nameable: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:

@@ -1,11 +1,12 @@
-"""Effects of the beds: compliance, back pressure, autoregulation, incomplete hyperaemia, compressed resistance."""
+"""Effects of the beds: resistance, compliance, back pressure, autoregulation, hyperaemia, compression."""
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 
 from coronaryuq.case.network.network import Network
-from coronaryuq.zerod.effects.anatomy import ARTERIOLAR, COMPLIANCES, Anatomy
+from coronaryuq.zerod.effects.anatomy import ARTERIOLAR, COMPLIANCES, RESISTANCES, Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 
 ALL = "all beds"
@@ -27,7 +28,53 @@ def _groups(anatomy: Anatomy) -> list[str]:
     return [ALL, *(trees if len(anatomy.ostia) > 1 else []), *single]
 
 
-class BedCompliance(Effect):
+class BedFactor(Effect):
+    """Base class of beds with values that differ from the model's by a factor under every condition.
+
+    names: of these values, in beds of all kinds. meaning: of the factor.
+    """
+
+    recalibrated = True
+    names: ClassVar[tuple[str, ...]]
+    meaning: ClassVar[str]
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        return [bed for bed in anatomy.beds if self._values(anatomy.network, bed)]
+
+    def changes(
+        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
+    ) -> Values:
+        factor = np.exp(np.asarray(sizes["log_factor"], dtype=float))
+        return {f"{place}.{name}": value * factor for name, value in self._values(network, place).items()}
+
+    def describe(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
+        return self.meaning, float(np.exp(size))
+
+    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
+        return {self.meaning: float(np.exp(sizes["log_factor"]))}
+
+    def _values(self, network: Network, bed: str) -> dict[str, float]:
+        values = network.bed_values(bed)
+        return {name: values[name] for name in self.names if values.get(name, 0.0) > 0.0}
+
+
+class BedResistance(BedFactor):
+    """Bed with a far larger or smaller resistance than in the model: microvascular disease, or a wrong value.
+
+    It goes beyond the usual spread of a bed's resistance, which is recalibrated. Rp of an RCR stays, which is that of
+    its arteries.
+    """
+
+    name = "bed_resistance"
+    formula = "R = R_model exp(s) for every resistance of the bed but Rp"
+    source = "Camici & Crea, N. Engl. J. Med. 356 (2007) 830 (coronary microvascular dysfunction)"
+    signature = "flow into one bed too large or too small by the same factor in every condition"
+    native = "Ra, Ram, Rv (Ra1, Ra2, Rv1; Rd; R) of the bed"
+    parameters = (Parameter("log_factor", "1", "normal", 0.0, 1.0, "logarithm of the factor on its resistances"),)
+    names, meaning = tuple(name for name in RESISTANCES if name != "Rp"), "factor on its resistances"
+
+
+class BedCompliance(BedFactor):
     """Bed that stores more or less blood than in the model, beyond the usual spread of its compliance."""
 
     name = "bed_compliance"
@@ -36,21 +83,7 @@ class BedCompliance(Effect):
     signature = "pulse of the flow into one bed too large or too small, in every condition; its mean is right"
     native = "Ca, Cc (Ca, Cim; C) of the bed"
     parameters = (Parameter("log_factor", "1", "normal", 0.0, 1.0, "logarithm of the factor on its compliances"),)
-
-    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        return [bed for bed in anatomy.beds if _compliances(anatomy.network, bed)]
-
-    def changes(
-        self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
-    ) -> Values:
-        factor = np.exp(np.asarray(sizes["log_factor"], dtype=float))
-        return {f"{place}.{name}": value * factor for name, value in _compliances(network, place).items()}
-
-    def describe(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
-        return "factor on its compliances", float(np.exp(size))
-
-    def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
-        return {"factor on its compliances": float(np.exp(sizes["log_factor"]))}
+    names, meaning = COMPLIANCES, "factor on its compliances"
 
 
 class BackPressure(Effect):
@@ -191,9 +224,3 @@ def arteriolar(network: Network, bed: str) -> dict[str, float]:
     values = network.bed_values(bed)
     names = [name for name in ARTERIOLAR if name in values] or [name for name in ("Rp", "Rd", "R") if name in values]
     return {name: values[name] for name in names}
-
-
-def _compliances(network: Network, bed: str) -> dict[str, float]:
-    """Return the compliances of a bed that are not zero, by name."""
-    values = network.bed_values(bed)
-    return {name: values[name] for name in COMPLIANCES if values.get(name)}

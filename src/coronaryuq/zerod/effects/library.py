@@ -5,6 +5,7 @@ from coronaryuq.zerod.effects.beds import (
     Autoregulation,
     BackPressure,
     BedCompliance,
+    BedResistance,
     CompressedResistance,
     IncompleteHyperaemia,
 )
@@ -66,6 +67,7 @@ LIBRARY: tuple[Effect, ...] = (
     IntramyocardialPressure(),
     IntramyocardialDelay(),
     CompressedResistance(),
+    BedResistance(),
     BedCompliance(),
     BackPressure(),
     Autoregulation(),

@@ -16,6 +16,7 @@ EFFECTS = (
     "intramyocardial_pressure",
     "intramyocardial_delay",
     "compressed_resistance",
+    "bed_resistance",
     "bed_compliance",
     "back_pressure",
     "autoregulation",

@@ -1,4 +1,4 @@
-"""Channels that were exchanged are found although the model has adapted to the wrong ones."""
+"""Effects are found to which the model has adapted: exchanged channels, and values that are recalibrated."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import hide, read_case
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
+from coronaryuq.discrepancy.selection.adapted import exchange
 from coronaryuq.discrepancy.selection.candidates import all_candidates, shortlist
-from coronaryuq.discrepancy.selection.exchange import exchange
 from coronaryuq.discrepancy.selection.score_test import screen
 
 SYMMETRIC = 101
@@ -82,3 +82,15 @@ def test_other_exchanges_gain_nothing(hidden, scored):
     base, candidates = scored
     others = [c for c in candidates.values() if c.effect.name == "exchanged_flows" and c.placed.key != placed.key]
     assert others and max(c.estimate for c in others) < base.evidence
+
+
+def test_a_bed_to_whose_resistance_all_parameters_adapted_is_estimated_as_by_a_full_fit(tmp_path):
+    """One of three beds has 0.3 times its resistance: about the fit, the other two had seemed to be off."""
+    truth, _ = hide(Case(("bed_resistance",), "medium", "nominal", 99430), open_loop(), tmp_path)
+    problem, (placed,) = read_case(tmp_path), truth.hypothesis
+    base = problem.calibrate(PLAIN)
+    some = [c for c in all_candidates(problem, PLAIN) if c.effect.recalibrated]
+    best = max(screen(problem, base, PLAIN, some), key=lambda one: one.estimate)
+    (fit,) = problem.calibrate_each([(PLAIN.with_(placed), np.append(np.zeros(problem.count), -1.0))])
+    assert best.placed.key == placed.key and fit.evidence - base.evidence > 10.0
+    assert best.estimate == pytest.approx(fit.evidence, abs=3.0)

@@ -1,7 +1,9 @@
-"""Exchanged channels, screened with the slopes of the exchanged predictions.
+"""Effects to which a model without them adapts: exchanged channels, and values that are recalibrated.
 
-A model without the exchange is recalibrated to the wrong channels. About that fit an exchange looks wrong, because the
-parameters would have to move back with it, and what they then move is the other channel.
+A model without an exchange is recalibrated to the wrong channels. About that fit an exchange looks wrong, because the
+parameters would have to move back with it, and what they then move is the other channel: it is screened with the slopes
+of the exchanged predictions. Where an effect is that of a recalibrated parameter beyond its prior, all parameters have
+moved in its place, and all have to move back: far, but so that the predictions hardly change.
 """
 
 from dataclasses import dataclass, replace
@@ -60,10 +62,13 @@ def _between(one: Measured, other: Measured) -> tuple[np.ndarray, np.ndarray]:
 
 
 def about(problem: Problem, point: Fit, candidate: Candidate, size: float) -> Fit | None:
-    """Return a point with the exchange, linearised with what the model's slopes are then; None without one.
+    """Return a point with an effect to which the model adapts, linearised with the slopes there; None for others.
 
     size: z at which the candidate's response was run.
     """
+    if candidate.response is not None and candidate.effect.recalibrated:
+        slopes = np.column_stack([point.jacobian, candidate.response / size])
+        return Fit(np.append(point.z, 0.0), point.residual, slopes, flexible=point.flexible)
     if candidate.response is None or (found := exchange(problem, candidate)) is None:
         return None
     sd, constant = problem.sd[problem.train][:, None], problem.linear_part()[0]
@@ -78,7 +83,7 @@ def about(problem: Problem, point: Fit, candidate: Candidate, size: float) -> Fi
 def weighed(
     problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: list[Candidate], sizes: list[float]
 ) -> list[Candidate]:
-    """Return candidates screened at some sizes z, of which exchanges have a rough fit where that promises more."""
+    """Return candidates screened at some sizes z; those of `about` have a rough fit where that promises more."""
     each = {c.placed: about(problem, point, c, size) for c, size in zip(candidates, sizes, strict=True)}
     least = max((c.estimate for c in candidates), default=0.0) - RULE.far_behind
     ran = {placed: fit for placed, fit in each.items() if fit and np.isfinite(fit.residual).all()}
