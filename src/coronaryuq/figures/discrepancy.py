@@ -145,7 +145,7 @@ def residuals(
             held = "" if bool(part.fitted.all()) else ", held out"
             axis.set_title(f"{quantity} at {in_words(location)}\n{condition}{held}", fontsize=7)
             if number + columns >= len(groups):
-                axis.set_xlabel("phase of the cycle")
+                axis.set_xlabel("phase of the beat")
             axis.set_ylabel(unit)
         for axis in axes.flat[len(groups) :]:
             axis.set_axis_off()
@@ -229,7 +229,7 @@ def _meaning(effect: str, parameter: str) -> str:
 
 
 def gap(table: str | Path, output: str | Path) -> None:
-    """Draw the misfit on held-out data with 90 % intervals, and that expected from noise alone."""
+    """Draw the misfit on held-out data with 90 % intervals, and that expected from noise and fit uncertainty."""
     frame: pd.DataFrame = read_csv(table, ("model", "misfit", "low", "high", "expected_misfit"))
     with saved(output, figsize=(5.5, 0.7 + 0.375 * len(frame))) as (_, axes):
         heights = np.arange(len(frame))[::-1]
@@ -238,7 +238,7 @@ def gap(table: str | Path, output: str | Path) -> None:
         for y, row, colour, a, b in zip(heights, frame.itertuples(), colours, low, high, strict=True):
             axes.errorbar(row.misfit, y, xerr=[[a], [b]], fmt="o", color=colour, capsize=3)
         axes.axvline(1.0, color=MUTED, ls="--", lw=1)
-        axes.text(1.0, len(frame) - 0.55, "expected (noise only)", fontsize=7, color=MUTED)
+        axes.text(1.0, len(frame) - 0.55, " expected", fontsize=7, color=MUTED)
         axes.set_yticks(heights, frame.model)
         axes.set_ylim(-0.6, len(frame) - 0.3)
         axes.set_xlim(left=0)

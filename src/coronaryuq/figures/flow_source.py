@@ -21,8 +21,6 @@ def flow_source(table: str | Path, output: str | Path) -> None:
             axes.fill_between(part["phase"], part["low"], part["high"], color=colour, alpha=0.15, lw=0)
             axes.plot(part["phase"], part["flow"], color=colour, label=condition)
         axes.axhline(0.0, color="0.6", lw=0.6)
-        axes.set(
-            xlabel="time as a share of the beat", ylabel=f"flow that leaves at {frame['vessel'].iloc[0]} (mL/s)",
-            xlim=(0.0, 1.0),
-        )  # fmt: skip
+        leaves = f"flow that leaves at {frame['vessel'].iloc[0]}\n(mL/s; negative: blood enters)"
+        axes.set(xlabel="phase of the beat", ylabel=leaves, xlim=(0.0, 1.0))
         axes.legend(frameon=False, fontsize="small")

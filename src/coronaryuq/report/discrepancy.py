@@ -233,7 +233,11 @@ def _gaps(answer: dict, true_gap: dict | None) -> dict:
     conditions = ", ".join(held["conditions"])
     return {
         "gap_heading": f"Held out: {conditions}" + (f", {held['scheme']}" if held["scheme"] != "held out" else ""),
-        "gap_columns": ["Misfit (1 is expected from noise)", "RMSE", "Log predictive density per row"],
+        "gap_columns": [
+            "Misfit (expected: 1)",
+            "RMSE",
+            "Log predictive density per row",
+        ],
         "gaps": rows,
         "predictions": [],
     }

@@ -199,7 +199,7 @@ def _number(path: str | Path, where: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         number = np.nan
     if not np.isfinite(number):
-        raise InputError(path, where, value, "expected a number")
+        raise InputError(path, where, value, "expected a number, with a point for the decimals")
     return number
 
 
@@ -213,7 +213,7 @@ def _drive(conditions: str | Path, where: str, file: str) -> tuple[np.ndarray, n
             raise InputError(path, column, None, "expected finite numbers in every row")
     time, value = frame["t"].to_numpy(float), frame["value"].to_numpy(float)
     if len(time) < 5 or (np.diff(time) <= 0).any():
-        raise InputError(path, "t", None, "expected at least 5 increasing times over one cycle")
+        raise InputError(path, "t", time[:2].tolist(), "expected 5 or more increasing times; are columns swapped?")
     return time - time[0], value
 
 

@@ -16,16 +16,14 @@ class ErrorRuns:
     """Predictions of a model with refined time steps, and with errors of its vessels."""
 
     forward: Forward
-    _vessels: VesselErrors | None = None
     _models: dict[int, Forward] = field(default_factory=dict)
     _known: dict[tuple[int, bytes], np.ndarray] = field(default_factory=dict)
     _waves: dict[tuple, Waveforms] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def vessels(self) -> VesselErrors:
         """The errors of the vessels that are no parameters of the model."""
-        self._vessels = self._vessels or vessel_errors(self.forward)
-        return self._vessels
+        return vessel_errors(self.forward)
 
     @cached_property
     def waves(self) -> VesselErrors:

@@ -26,16 +26,16 @@ def facts(discovery: Discovery) -> dict:
     Returns
     -------
     dict
-        measurements, objective: number of fitted measurements and sum of squares of the recalibrated model. waveforms:
-        whether there are any. driven: by a measured pressure or flow. worst: the group with the largest misfit. best:
-        the effects of the best hypothesis, named or not. answer: the answer given, and the probabilities of all.
+        measurements: number of fitted ones. scatter: quantity → sum of squares of the residuals of the recalibrated
+        model, and the one that the stated noise leads to. waveforms: whether there are any. driven: by a measured
+        pressure or flow. worst: the group with the largest misfit. best: the effects of the best hypothesis, named or
+        not. answer: the answer given, and the probabilities of all.
         unexplained: whether a misfit remains.
     """
     problem, located, answer = discovery.problem, discovery.located, discovery.answer
-    level, count, objective = problem.settings.alarm_level, len(discovery.base.residual), discovery.base.objective
     return {
-        "measurements": count,
-        "objective": float(objective),
+        "measurements": len(discovery.base.residual),
+        "scatter": _scatter(discovery),
         "waveforms": any(series.time is not None for series in problem.forward.measured),
         "driven": not problem.forward.anatomy.closed_loop,
         "worst": next(({name: getattr(group, name) for name in WHERE} for group in located.groups), None),
@@ -52,8 +52,17 @@ def facts(discovery: Discovery) -> dict:
             "picked_up": answer.picked_up,
             "support_nats": answer.support,
         },
-        "unexplained": bool(discovery.remaining.alarm(level)),
+        "unexplained": bool(discovery.remaining.alarm(problem.settings.alarm_level)),
     }
+
+
+def _scatter(discovery: Discovery) -> dict[str, list[float]]:
+    problem, fit = discovery.problem, discovery.base
+    explained = np.linalg.solve(np.linalg.cholesky(fit.precision), fit.jacobian.T)
+    # The covariance of the residuals of a linear model, with its priors, is what it leaves of the noise.
+    each = np.array([fit.residual**2, 1.0 - (explained**2).sum(axis=0)])
+    quantity = np.array([series.quantity for series in problem.forward.measured])[problem.owner][problem.train]
+    return {name: each[:, quantity == name].sum(axis=1).tolist() for name in dict.fromkeys(quantity.tolist())}
 
 
 def _described(discovery: Discovery, placed: PlacedEffect) -> dict:

@@ -53,7 +53,7 @@ def paragraph(answer: Mapping) -> str:
             f"After recalibration, the model {agreement} (probability {nothing:.2f}{other}).",
             f"On {_held_out_text(answer)} its misfit is {gaps['before']['misfit']:.2f} ({phrases.EXPECTED_MISFIT}).",
             phrases.detectable_text(answer["detectable"]),
-            phrases.overstated_sd_warning(facts["objective"], count),
+            phrases.overstated_sd_warning(facts["scatter"]),
             phrases.prediction_warning(gaps["p_held_out"], held_out),
             phrases.conflict_text("Recalibration moves", answer["prior_conflicts"]),
         ]
@@ -134,7 +134,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
     else:
         reason = (
             f"{candidate}, {labels}, {'explains' if one else 'explain'} only a part of it (probability of the "
-            f"name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}; evidence beside a flexible error: "
+            f"name{'' if one else 's'} {forms['probabilities'][NAMES]:.2f}; evidence beside an unknown error "
             f"{max(forms['support_nats'], 0.0):.0f} nats). {residuals} No effect is named. {change}"
         )
     return f"{start}: {reason}"
@@ -144,7 +144,7 @@ def _nearest(answer: Mapping) -> str:
     """List the effects that come nearest where none is worth naming."""
     first = (answer["rounds"] or [[]])[0]
     near = [f"{phrases.label_text(one)} ({one['share']:.2f})" for one in first[:NEAREST] if one["share"] >= LEAST_SHARE]
-    return f"Nearest of the library's effects, with shares of their probability: {listed(near)}. " if near else ""
+    return f"Of the library, none worth naming, the likeliest are (with shares): {listed(near)}. " * bool(near)
 
 
 def _unseen(answer: Mapping, held_out: list[str]) -> bool:
@@ -168,7 +168,9 @@ def _miswired(answer: Mapping) -> str:
         "model with this corrected: check it, and search again."
     )
     besides = "also" if len(others) < len(best) else "instead"
-    return text + (f" {capitalised(listed(others))} may {besides} be present." if others else "")
+    text += f" {capitalised(listed(others))} may {besides} be present." if others else ""
+    left = f" Something remains unexplained ({p_text(answer['remaining']['p'])})."
+    return text + left * answer["facts"]["unexplained"]
 
 
 def _wiring(error: Mapping) -> str:
@@ -190,13 +192,13 @@ def _shown(facts: Mapping, source: Mapping | None) -> str:
     elif place:
         data = f"the {quantity} at {place}"
         unseen = {"flow": "flow or bed", "pressure": "loss of pressure"}.get(quantity)
-        cause = f"an error of that measurement{f', or a {unseen} that no other one sees' if unseen else ''}."
+        cause = f"an error of that measurement{f', or a {unseen} that it alone shows' if unseen else ''}."
     elif condition:
         data = f"the {quantity} data under {condition}"
         cause = f"check how they {'and the drive ' if facts['driven'] else ''}were recorded."
     else:
         data, drive = f"the {quantity} data", " or of the drive" if facts["driven"] else ""
-        cause = f"an error that they share{drive}, or a cause that hardly changes the others."
+        cause = f"an error that they share{drive}, or a cause that hardly changes other quantities."
     probability, likely = likeliest["probability"], " probably" * (likeliest["probability"] < SURE)
     said = f" It{likely} shows in {data} alone (probability {probability:.2f}): {cause}"
     # A source elsewhere would show at other places, too.

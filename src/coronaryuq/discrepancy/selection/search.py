@@ -254,7 +254,7 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
         step = forward_step(state.problem, state.fit, state.hypothesis, candidates, point, least)
         state = replace(state, rounds=(*state.rounds, step))
         if step.accepted is None:
-            report("no candidate is worth naming")
+            report(f"no {'further ' * bool(len(state.hypothesis))}candidate is worth naming")
             break
         state = replace(state, hypothesis=state.hypothesis.with_(step.accepted.placed), fit=step.accepted.fitted)
         if state.problem.unresolved:

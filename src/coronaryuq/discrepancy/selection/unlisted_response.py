@@ -19,7 +19,7 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.zerod.effects.base import Effect
+from coronaryuq.zerod.effects.base import Effect, Series
 from coronaryuq.zerod.effects.linear_response import amplitudes, picked_up, read_late
 from coronaryuq.zerod.effects.measuring_chain import Chain
 
@@ -162,10 +162,9 @@ def possible_responses(problem: Problem, residual: np.ndarray, possible: Sequenc
         heard = [one for channel in channels if channel in covered for one in channels[channel]]
         prior = float(np.log(RULE.prior_outside * own / len(devices) / len(TIME_SCALES)))
         rows = np.concatenate([one.rows for one in heard])
+        waves = [(signals[_name(one.channel)][one.condition], one) for one in heard]
         for scale in TIME_SCALES:
-            late = [
-                read_late(signals[_name(one.channel)][one.condition], one.phase, one.period, scale) for one in heard
-            ]
+            late = [read_late(wave, one.phase, one.period, scale) for wave, one in waves]
             yield Response(device, "", rows, np.concatenate(late) / problem.sd[rows, None], prior)
     pairs = [
         (channel, signal)
@@ -191,8 +190,7 @@ def _waveforms(problem: Problem, residual: np.ndarray) -> tuple[dict[Channel, li
     for series, rows in zip(problem.forward.measured, problem.forward.rows, strict=True):
         if series.time is not None:
             channel, phase = (series.quantity, series.location), series.time / series.period
-            read = _Read(channel, series.condition, np.arange(rows.start, rows.stop), phase, series.period)
-            channels[channel].append(read)
+            channels[channel].append(_Read(channel, series.condition, np.r_[rows], phase, series.period))
             signals[_name(channel)][series.condition] = amplitudes(phase, predicted[rows], series.period)
             periods[series.condition] = series.period
     for name in periods:
@@ -234,14 +232,15 @@ def log_prior_of_errors(
 
 def devices_of(problem: Problem) -> dict[str, set[Channel]]:
     """Return what each device reads → its channels: each alone, and all of one quantity if there are several."""
-    waveforms = (one for one in problem.forward.measured if one.statistic == "waveform")
-    channels = list(dict.fromkeys((one.quantity, one.location) for one in waveforms))
+    channels = _channels(problem)
     devices = {_name(channel): {channel} for channel in channels}
-    for quantity in dict.fromkeys(quantity for quantity, _ in channels):
-        covered = {channel for channel in channels if channel[0] == quantity}
-        if len(covered) > 1:
-            devices[f"every {quantity}"] = covered
-    return devices
+    every = {f"every {quantity}": {one for one in channels if one[0] == quantity} for quantity, _ in channels}
+    return devices | {name: covered for name, covered in every.items() if len(covered) > 1}
+
+
+def _channels(problem: Problem) -> dict[Channel, Series]:
+    """Return the channels with waveforms, each with one of its series."""
+    return {(one.quantity, one.location): one for one in problem.forward.measured if one.statistic == "waveform"}
 
 
 def _name(channel: Channel) -> str:
@@ -250,18 +249,11 @@ def _name(channel: Channel) -> str:
 
 def _acts_on(problem: Problem, effect: Effect, covered: set[Channel]) -> bool:
     """Whether an effect of `Chain` is possible on a device."""
-    if not isinstance(effect, Chain):
-        return False
-    places = effect.places(problem.forward.anatomy, problem.forward.measured)
+    places = effect.places(problem.forward.anatomy, problem.forward.measured) if isinstance(effect, Chain) else []
     return any(_covered(problem, PlacedEffect(effect, place)) == covered for place in places)
 
 
 def _covered(problem: Problem, placed: PlacedEffect) -> set[Channel]:
     """Return the channels on which an effect of `Chain` acts."""
-    waveforms = (one for one in problem.forward.measured if one.statistic == "waveform")
-    effect = placed.effect
-    return {
-        (one.quantity, one.location)
-        for one in waveforms
-        if isinstance(effect, Chain) and effect.covers(placed.place, one)
-    }
+    effect, place = placed
+    return {key for key, one in _channels(problem).items() if isinstance(effect, Chain) and effect.covers(place, one)}
