@@ -151,7 +151,8 @@ SEARCHES = {
         "Measurements with their noise, the recalibrated model, and the model with the named (or most probable) "
         "effects: the waveforms with the largest misfit or, without waveforms, predicted against measured.",
         "The model with the effects passes through the error bars, held-out panels included.",
-        "It misses them as the recalibrated model does.",
+        "It misses them as the recalibrated model does. (Under a held-out condition both may be off by one factor, "
+        "because the state of its beds is not fitted.)",
         "Do not rely on the effect; check the noise and the conditions of these measurements.",
     ),
     "ranking": Caption(

@@ -81,6 +81,7 @@ def test_numbers_may_have_an_exponent_without_a_sign(tmp_path):
     assert (found.period_scale, found.scale) == (0.5, {"BED": {"R": 1000.0, "C": 2.0}})
     for text, message in (
         ("{scale: {BED: {R: two}}}", "a.scale.BED.R = 'two': expected a number"),
+        ("{period_scale: '0,65'}", "a.period_scale = '0,65': expected a number, with a point, not a comma"),
         ("{scale: {BED: {R: -0.5}}}", "a.scale.BED.R = -0.5: expected a factor, 0 or more"),
         ("{set: {BED: {R: true}}}", "a.set.BED.R = True: expected a number"),
         ("{period_scale: -1}", "a.period_scale = -1: expected a positive number"),

@@ -39,8 +39,7 @@ def apply_condition(network: Network, condition: Condition, file: str | Path = "
         If the condition names blocks, parameters or waveforms that are not in the network.
     """
     network = network.deep_copy()
-    anatomy = Anatomy(network)
-    period = period_of(network)
+    anatomy, period = Anatomy(network), period_of(network)
     factor = condition.coronary_resistance_scale
     for bed in anatomy.beds:
         anatomy.blocks[bed]["bc_values"].update({k: v * factor for k, v in arteriolar(network, bed).items()})

@@ -199,7 +199,7 @@ def _number(path: str | Path, where: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         number = np.nan
     if not np.isfinite(number):
-        raise InputError(path, where, value, "expected a number, with a point for the decimals")
+        raise InputError(path, where, value, "expected a number" + ", with a point, not a comma" * ("," in str(value)))
     return number
 
 

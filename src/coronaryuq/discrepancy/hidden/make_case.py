@@ -213,8 +213,7 @@ def draw_subject(experiment: Experiment, nature: Nature, seed: int) -> Subject:
     network, conditions = experiment.network, experiment.conditions
     blank = experiment.plan.blank(network, conditions, generator(seed, "discrepancy", "hidden", "times"))
     problem = make_problem(network, conditions, blank, Settings())
-    forward = problem.forward
-    body = nature.body(network, seed)
+    forward, body = problem.forward, nature.body(network, seed)
     problem.forward = replace(
         forward, simulation=Simulation(body, conditions, forward.anatomy, forward.simulation.steps_per_cycle)
     )

@@ -305,8 +305,7 @@ def make_problem(
     InputError
         If the model does not run.
     """
-    engine = Engine(network)
-    anatomy = Anatomy(network)
+    engine, anatomy = Engine(network), Anatomy(network)
     names = {vessel: f"mean_flow:{anatomy.inlet(vessel)}" for vessel in anatomy.vessels}
     root = f"mean_pressure:{anatomy.inlet(anatomy.roots[0])}"
     at_beds = {bed: f"mean_pressure:{vessel}:{bed}" for bed, vessel in anatomy.beds.items()}

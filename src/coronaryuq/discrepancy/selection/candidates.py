@@ -175,8 +175,7 @@ def updated(candidates: Iterable[Candidate], changed: Iterable[Candidate]) -> li
 
 def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effect, ...] = SEARCHED) -> list[Candidate]:
     """Return every effect and every wiring error of the library at each possible place, without those assumed."""
-    forward = problem.forward
-    used = {placed.key for placed in hypothesis}
+    forward, used = problem.forward, {placed.key for placed in hypothesis}
     fitted = {forward.measured[i].condition for i in np.unique(problem.owner[problem.train])}
     observed = [series for series in forward.measured if series.condition in fitted]
     # A vessel inserted for the loss of another vessel is part of that vessel, not a separate place.

@@ -40,6 +40,10 @@ class _Gain(Sensor):
             for s, values in zip(series, predicted, strict=True)
         ]
 
+    def describe(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
+        reversed_ = " (below -1, as here: the sign is reversed)" * (size < -1.0)
+        return f"{parameter.meaning}{reversed_}", size
+
 
 class Offset(Sensor):
     """Error that does not depend on the reading: a size times the mean of all readings of the sensor."""
