@@ -1,8 +1,12 @@
 """The phrases of the summary agree with the numbers."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from coronaryuq.core.units import MMHG
+from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference.locate import Located, PriorConflict
 from coronaryuq.discrepancy.inference.outliers import Outlier
@@ -15,6 +19,7 @@ from support.hypotheses import placed
 
 LEVEL = 0.01
 OPEN_LOOP = Anatomy({"vessels": []})
+FORWARD = SimpleNamespace(anatomy=OPEN_LOOP, measured=[])
 CLOSED_LOOP = Anatomy({"vessels": [], "closed_loop_blocks": [{}]})
 
 
@@ -97,7 +102,7 @@ def test_every_nuisance_parameter_far_outside_its_prior_is_listed(strains, text)
 
 def test_the_effects_whose_size_varies_are_listed_among_the_best_candidates():
     varying = Constancy(placed("diffuse_narrowing", "lad"), 9.0, {"rest": (0.0, 0.1), "pacing": (2.0, 0.1)})
-    loss = {"effect": "diffuse_narrowing", "place": "lad", "varying": by_condition(varying, OPEN_LOOP)}
+    loss = {"effect": "diffuse_narrowing", "place": "lad", "varying": by_condition(varying, FORWARD)}
     leak = {"effect": "side_branch_leak", "place": "lad", "varying": None}
     several = phrases.varying_text([leak, loss])
     assert several.startswith(
@@ -115,15 +120,15 @@ def test_an_effect_may_be_absent_under_one_condition():
     (loss,) = effect("diffuse_narrowing").parameters
     absent = 1.0 - 1.0 / loss.spread
     varying = Constancy(placed("diffuse_narrowing", "lad"), 9.0, {"rest": (absent, 0.1), "pacing": (1.0, 0.1)}, 1.0)
-    value, low, high = by_condition(varying, OPEN_LOOP)["conditions"]["rest"]
+    value, low, high = by_condition(varying, FORWARD)["conditions"]["rest"]
     assert value == pytest.approx(0.0, abs=1e-6) and low == 0.0 and high > 0.0
-    found = by_condition(varying, OPEN_LOOP)["conditions"]["pacing"][0]
+    found = by_condition(varying, FORWARD)["conditions"]["pacing"][0]
     assert found == pytest.approx(loss.from_standard(1.0))
 
 
 def test_sizes_by_condition_have_intervals_and_omit_uninformative_conditions():
     sizes = {"rest": (0.0, 0.1), "pacing": (2.0, 0.2), "held": (0.0, 1.2)}
-    text = phrases.sizes_by_condition(by_condition(Constancy(placed("flow_delay", "a:b"), 9.0, sizes), OPEN_LOOP))
+    text = phrases.sizes_by_condition(by_condition(Constancy(placed("flow_delay", "a:b"), 9.0, sizes), FORWARD))
     assert text == "delay: rest 0.000 (-0.005 to 0.005), pacing 0.060 (0.050 to 0.070) s"
 
 
@@ -131,7 +136,8 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
     """An added share of the ventricular pressure; in a closed loop a factor on the present pressure."""
     varying = Constancy(placed("intramyocardial_pressure", "all beds"), 9.0, {"rest": (1.0, 0.1)})
     (share, factor) = (
-        phrases.sizes_by_condition(by_condition(varying, anatomy)) for anatomy in (OPEN_LOOP, CLOSED_LOOP)
+        phrases.sizes_by_condition(by_condition(varying, SimpleNamespace(anatomy=one, measured=[])))
+        for one in (OPEN_LOOP, CLOSED_LOOP)
     )
     (parameter,) = varying.placed.effect.parameters
     added = float(parameter.from_standard(1.0))
@@ -141,7 +147,7 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
 
 def test_an_offset_beside_which_another_unit_is_printed_says_what_it_is_relative_to():
     varying = Constancy(placed("pressure_offset", "a:b"), 9.0, {"rest": (1.0, 0.1), "pacing": (2.0, 0.1)})
-    assert phrases.sizes_by_condition(by_condition(varying, OPEN_LOOP)).startswith(
+    assert phrases.sizes_by_condition(by_condition(varying, FORWARD)).startswith(
         "offset over the mean pressure of the series: rest 0.08"
     )
 
@@ -167,3 +173,12 @@ def test_outliers_are_listed_with_a_remedy():
         "One sample is an outlier and was left out: the flow at AORTA:lad under rest at 0.3125 s (-10 "
     )
     assert "and 3 more. Check whether they are artefacts" in phrases.outlier_notes([outlier] * 7)
+
+
+def test_an_offset_by_condition_is_told_in_clinical_units():
+    """A tenth of the true mean, that is, without the offset."""
+    measured = [Measured("rest", "pressure", "a:b", "mean", None, 1.0, np.array([110.0 * MMHG]), np.ones(1))]
+    scale = effect("pressure_offset").parameters[0].from_standard(1.0)
+    offset = Constancy(placed("pressure_offset", "a:b"), 9.0, {"rest": (0.1 / float(scale), 0.0)})
+    told = by_condition(offset, SimpleNamespace(anatomy=OPEN_LOOP, measured=measured))
+    assert told["label"].endswith("in mmHg") and told["conditions"]["rest"][0] == pytest.approx(10.0, rel=0.1)

@@ -8,6 +8,7 @@ from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
+from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.locate import Located
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
@@ -79,7 +80,7 @@ def _described(discovery: Discovery, placed: PlacedEffect) -> dict:
         "sizes": in_clinical_units(placed, described_sizes(placed, discovery.sizes(placed), anatomy), forward.measured),
         "beyond_prior": beyond,
         "implausible": placed in discovery.answer.implausible,
-        "varying": next((by_condition(v, anatomy) for v in discovery.answer.varying if v.placed == placed), None),
+        "varying": next((by_condition(v, forward) for v in discovery.answer.varying if v.placed == placed), None),
         "assumption": effect.assumption(anatomy, [c.covariates for c in forward.conditions.values()]),
     }
 
@@ -104,23 +105,29 @@ def described_sizes(placed: PlacedEffect, sizes: list[tuple[Parameter, float, fl
 
 def in_clinical_units(placed: PlacedEffect, described: list[dict], measured: Sequence[Measured]) -> list[dict]:
     """Return the offset of a sensor in mmHg or mL/min, not over its mean reading; other sizes as they are."""
-    if not isinstance(placed.effect, Offset):
+    if not (found := _clinical(placed, described[0]["value"], measured)):
         return described
-    (size,), means = described, [float(series.value.mean()) for series in measured]
-    meaning, factor = placed.effect.clinical(placed.place, size["value"], measured, means) or (size["meaning"], 1.0)
+    (size,), (meaning, factor) = described, found
     return [size | {"meaning": meaning} | {key: size[key] * factor for key in ("value", "low", "high")}]
+
+
+def _clinical(placed: PlacedEffect, size: float, measured: Sequence[Measured]) -> tuple[str, float] | None:
+    """Return what the offset of a sensor is, and a size of 1 in that unit; None for other effects."""
+    means = [float(series.value.mean()) for series in measured]
+    return placed.effect.clinical(placed.place, size, measured, means) if isinstance(placed.effect, Offset) else None
 
 
 SMALL = 1e-6
 """Step of z by which a slope is computed."""
 
 
-def by_condition(varying: Constancy, anatomy: Anatomy) -> dict:
+def by_condition(varying: Constancy, forward: Forward) -> dict:
     """Return the first size under each condition that determines it, with 90 % intervals.
 
     The model is linear in the size, not in its logarithm: under one condition the effect may be absent. Of an effect
     whose shape changes with its size, the logarithm is as good.
     """
+    anatomy = forward.anatomy
     effect, parameter = varying.placed.effect, varying.placed.effect.parameters[0]
     size, further = (float(parameter.from_standard(z)) for z in (varying.about, varying.about + SMALL))
     slope, least, sizes = (further - size) / SMALL, 0.0 if parameter.kind == "lognormal" else -np.inf, {}
@@ -128,9 +135,11 @@ def by_condition(varying: Constancy, anatomy: Anatomy) -> dict:
         each = [max(size + slope * (mean + k * sd - varying.about), least) for k in (0.0, -Z_90, Z_90)]
         each = with_interval(parameter, mean, sd) if effect.changes_shape else each
         sizes[condition] = [float(effect.describe(parameter, one, anatomy)[1]) for one in each]
-    sizes = {condition: [value, *sorted(ends)] for condition, (value, *ends) in sizes.items()}
-    unit = "" if parameter.unit == "1" else parameter.unit
-    return {"label": _size_label(varying.placed, parameter, anatomy), "unit": unit, "conditions": sizes}
+    own = _size_label(varying.placed, parameter, anatomy), 1.0
+    label, factor = _clinical(varying.placed, size, forward.measured) or own
+    ordered = {condition: [value, *sorted(ends)] for condition, (value, *ends) in sizes.items()}
+    sizes = {condition: [factor * value for value in values] for condition, values in ordered.items()}
+    return {"label": label, "unit": "" if parameter.unit == "1" else parameter.unit, "conditions": sizes}
 
 
 def with_interval(parameter: Parameter, z: float, sd: float) -> list[float]:

@@ -144,7 +144,7 @@ def _by_condition(found: Discovery, placed: PlacedEffect) -> dict:
     """Return the log odds that the first size differs between conditions, and its 90 % interval under each."""
     one = next(c for c in found.answer.constancies if c.placed == placed)
     odds = one.log_odds if np.isfinite(one.log_odds) else None
-    return {"log_odds_that_it_differs": odds, **by_condition(one, found.problem.forward.anatomy)}
+    return {"log_odds_that_it_differs": odds, **by_condition(one, found.problem.forward)}
 
 
 def _member(found: Discovery, entry: Round, candidate: Candidate) -> dict:
