@@ -26,7 +26,7 @@ def test_every_condition_has_a_line_and_a_band(axes_of):
     (axis,) = axes_of(pd.concat([pd.DataFrame(row | {"condition": name}) for name in ("rest", "stress")]))
     labels = [line.get_label() for line in axis.get_lines()][:2]
     assert labels == ["rest", "stress"] and len(axis.collections) == 2
-    assert axis.get_ylabel() == "flow that leaves at lad (mL/s)"
+    assert axis.get_ylabel() == "flow that leaves at lad\n(mL/s; negative: blood enters)"
 
 
 def test_without_a_source_the_figure_says_so(axes_of):
