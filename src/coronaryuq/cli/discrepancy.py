@@ -101,7 +101,9 @@ def _of_page(args: argparse.Namespace, out: Path, result: dict) -> tuple[dict[st
     animals = (args.recordings or [])[1:]
     if len(animals) > 1:
         return {animal: out / animal for animal in animals}, " ".join(map(in_words, result["devices"]))
-    return {animals[0] if animals else "pairs" if args.pairs else Path(args.measurements).stem: out}, ""
+    if animals or args.pairs:
+        return {animals[0] if animals else "pairs": out}, ""
+    return {f"{Path(args.measurements).name} against {Path(args.model).name}": out}, ""
 
 
 def _run(args: argparse.Namespace, out: Path) -> dict:

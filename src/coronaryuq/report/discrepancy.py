@@ -221,7 +221,7 @@ def _gaps(answer: dict, true_gap: dict | None) -> dict:
         ("recalibration alone", held["before"]),
         ("with the named effects" if answer["named"] else "with the most probable effect", held["after"]),
         ("flexible discrepancy (Gaussian process)", held["flexible"]),
-        ("effects and Gaussian process", held["both"]),
+        ("effects and flexible discrepancy", held["both"]),
         *([("with the true effect", true_gap)] if true_gap else []),
     ]
     rows = []

@@ -42,7 +42,9 @@ def write_search_page(out: Path, found: Mapping[str, Path], note: str = "") -> P
         "note": note,
         "searches": shown,
         "settings": "",
-        "provenance": [(f"SHA-256 of {name}", provenance.checksum(folder / ANSWER)) for name, folder in found.items()],
+        "provenance": [
+            (f"SHA-256 of {ANSWER}, {name}", provenance.checksum(folder / ANSWER)) for name, folder in found.items()
+        ],
     }
     page = out / "report.html"
     write_text(page, environment().get_template("discrepancy_page.html").render(context))

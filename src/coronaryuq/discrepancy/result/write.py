@@ -337,7 +337,7 @@ def _gaps(found: Discovery) -> pd.DataFrame:
         ("recalibration alone", found.gaps.before),
         ("with the named effects" if found.named else "with the most probable effect", found.gaps.after),
         ("flexible discrepancy", found.gaps.flexible),
-        ("both together", found.gaps.both),
+        ("effects and flexible discrepancy", found.gaps.both),
     )
     return pd.DataFrame(
         [gap_row(*one) for one in models],
