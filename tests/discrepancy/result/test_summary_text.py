@@ -37,7 +37,7 @@ def test_the_device_of_an_unlisted_response_is_told():
 def test_each_quantity_has_standard_deviations_that_may_be_too_large():
     """As of flows in per cent; beside right pressures a common check had not seen it."""
     text = overstated_sd_warning({"flow": [1.0, 200.0], "pressure": [190.0, 200.0]})
-    assert "those of flow 0.071 times" in text and "pressure" not in text
+    assert "residuals of the flow are only 0.071 times as large as" in text and "pressure" not in text
     assert overstated_sd_warning({"flow": [190.0, 200.0]}) == overstated_sd_warning({"flow": [0.01, 1.0]}) == ""
 
 

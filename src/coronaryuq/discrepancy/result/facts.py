@@ -58,6 +58,7 @@ def facts(discovery: Discovery) -> dict:
 
 
 def _scatter(discovery: Discovery) -> dict[str, list[float]]:
+    """Return `scatter` of `facts`."""
     problem, fit = discovery.problem, discovery.base
     explained = np.linalg.solve(np.linalg.cholesky(fit.precision), fit.jacobian.T)
     # The covariance of the residuals of a linear model, with its priors, is what it leaves of the noise.

@@ -58,10 +58,10 @@ def overstated_sd_warning(scatter: Mapping[str, Sequence[float]]) -> str:
     """Warn of standard deviations of a quantity so large that they would hide any effect; scatter: see `facts`."""
     times = {name: np.sqrt(squares / expected) for name, (squares, expected) in scatter.items()}
     quiet = [name for name, size in times.items() if size <= QUIET and stats.chi2.cdf(*scatter[name]) <= UNLIKELY]
-    sizes = listed([f"those of {name} {times[name]:.2g} times" for name in quiet])
+    sizes = listed([f"of the {name} are only {times[name]:.2g} times" for name in quiet])
     warning = (
-        f" The residuals are smaller than the stated standard deviations, {sizes}, which would hide a missing effect: "
-        "check that these are correct and in the unit of the values."
+        f" The residuals {sizes} as large as the stated standard deviations, which would hide a missing effect: check "
+        "that these are correct and in the unit of the values."
     )
     return warning if quiet else ""
 
