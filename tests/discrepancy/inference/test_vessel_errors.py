@@ -7,6 +7,7 @@ import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward import hypothesis
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference.locate import locate
@@ -86,6 +87,17 @@ def test_waves_in_long_vessels_are_an_error_of_the_model_and_no_misfit():
     assert np.linalg.norm(changes.sum(axis=0)) > 50.0, "noise standard deviations"
     problem = with_time_steps(lumped)
     assert locate(problem, problem.calibrate(PLAIN)).p > 0.01
+
+
+@pytest.mark.slow
+def test_the_waves_of_a_vessel_do_not_depend_on_those_in_the_same_network(monkeypatch):
+    experiment, found = open_loop(), []
+    blank = experiment.plan.blank(experiment.network, experiment.conditions, generator(1, "test", "vessels"))
+    for many in (1, 20):
+        monkeypatch.setattr(hypothesis, "MANY", many)
+        problem = make_problem(experiment.network, experiment.conditions, blank, Settings())
+        found.append(wave_errors(problem.forward).changes)
+    assert len(found[0]) == 5 and found[0] == pytest.approx(found[1], rel=1e-6, abs=1e-9 * np.abs(found[0]).max())
 
 
 def test_vessels_without_values_have_no_errors():

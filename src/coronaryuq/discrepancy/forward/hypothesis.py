@@ -8,10 +8,10 @@ import numpy as np
 
 from coronaryuq.zerod.effects.base import Effect, Parameter
 
-APART = ("collateral", "distal_collateral", "side_branch", "misattached_branch")
+APART = ("collateral", "distal_collateral", "side_branch", "misattached_branch", "subdivision")
 """Effects of which at most `MANY` share a network, without others."""
 MANY = 20
-"""Collaterals between all pairs of outlets would couple all vessels, and a bed more at every vessel slow all runs."""
+"""Collaterals between all pairs of outlets would couple all vessels, and beds or parts of all vessels slow all runs."""
 
 
 Sizes = list[dict[str, float]]

@@ -121,13 +121,13 @@ def wave_errors(forward: Forward) -> VesselErrors:
     A pullback reads means, which do not depend on the parts.
     """
     wave, plain = Subdivision(), np.zeros(len(forward.nuisances))
-    vessels = wave.places(forward.anatomy)
-    points = [(np.append(plain, 1.0), Hypothesis((PlacedEffect(wave, vessel),))) for vessel in vessels]
-    lumped, *divided = replace(forward, shapes=None).predict_rows([(plain, PLAIN), *points])
+    waves = [PlacedEffect(wave, vessel) for vessel in wave.places(forward.anatomy)]
+    points = [(np.append(plain, 1.0), Hypothesis((one,))) for one in waves]
+    lumped, *divided = replace(forward, shapes=None).predict_rows([(plain, PLAIN), *points], grafts=waves)
     changes = np.array(divided).reshape(-1, forward.size) - lumped
     for rows, series in zip(forward.rows, forward.measured, strict=True):
         changes[:, rows] *= series.pullback is None
-    errors = [Nuisance(f"waves in {vessel}", 1.0) for vessel in vessels]
+    errors = [Nuisance(f"waves in {one.place}", 1.0) for one in waves]
     return VesselErrors(errors, changes, np.zeros_like(changes))._of(np.isfinite(changes).all(axis=1))
 
 

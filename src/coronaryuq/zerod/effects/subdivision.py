@@ -25,6 +25,7 @@ class Subdivision(Effect):
     """
 
     name = "subdivision"
+    grafted = True
     nameable = False
     parameters = (Parameter("share", "1", "normal", 0.0, 1.0, "0 as in the model, 1 for equal parts"),)
 
