@@ -2,10 +2,10 @@
 
 A lumen is segmented with an error, and a wall's stiffness is not measured; the aorta's vessels are no exception. How a
 bed's resistance and compliance are shared between its parts, such as Rp and Rd, is a convention, not a measurement.
-So is the number of parts into which a vessel is divided, which stores blood in one place each.
-Where these errors change predictions little, their effect is linear, and its few leading shapes get weights, like those
-of the time steps. Where it is not, as that of an aorta's inertance on its resonance, the errors are parameters of the
-model; where the phase of an oscillation is unknown, see `known_errors`.
+So is the number of parts into which a network divides a vessel: each part stores its blood in one place. Where these
+errors change predictions little, their effect is linear, and its few leading shapes get weights, like those of the time
+steps. Where it is not, as that of an aorta's inertance on its resonance, the errors are parameters of the model; where
+the phase of an oscillation is unknown, see `known_errors`.
 """
 
 from collections.abc import Sequence

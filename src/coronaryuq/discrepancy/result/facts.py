@@ -30,8 +30,7 @@ def facts(discovery: Discovery) -> dict:
         measurements: number of fitted ones. scatter: quantity → sum of squares of the residuals of the recalibrated
         model, and the one that the stated noise leads to. waveforms: whether there are any. driven: by a measured
         pressure or flow. worst: the group with the largest misfit. best: the effects of the best hypothesis, named or
-        not. answer: the answer given, and the probabilities of all.
-        unexplained: whether a misfit remains.
+        not. answer: the answer given, and the probabilities of all. unexplained: whether a misfit remains.
     """
     problem, located, answer = discovery.problem, discovery.located, discovery.answer
     return {

@@ -27,8 +27,8 @@ TAG = "origin"
 CLOSED = 1e3
 """Resistance of a connection that carries almost nothing, over pressure per flow of its branch.
 
-Connections swap roles as a branch moves, but pivots are chosen once, for where it is in the model. Rounding of flows by
-1e-16 then is a pressure of CLOSED times 1e-16 of the root's, which has to stay near the tolerance of Newton's method.
+The solver chooses its pivots for the branch where it is in the model. Where it has moved, flows rounded at 1e-16 become
+pressures rounded at CLOSED times 1e-16 of the root's, and Newton's method has to get below its tolerance all the same.
 """
 PARTIAL = 0.1
 """Resistance of both connections where a branch arises half from either node, in the same unit."""
