@@ -133,7 +133,7 @@ def _run(shape: Shape, experiment: Experiment, cases: list[make_case.Subject]) -
         for name in dict.fromkeys(name for table in tables for name in table)
     }
     forward = cases[0].problem.forward
-    places = dict.fromkeys(name for series in forward.measured for name in forward.variables(series, {}))
+    places = dict.fromkeys(name for series in forward.measured for name in forward.variables(series.channel, {}))
     names = list(places | dict.fromkeys(_drop(shape, network)))
     model = FlowModel(
         _domain(shape, network), shape_in_0d(shape, network), forward.root, units.BLOOD_DENSITY, units.BLOOD_VISCOSITY

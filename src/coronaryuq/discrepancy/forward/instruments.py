@@ -6,7 +6,7 @@ import numpy as np
 
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect, Sizes
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Series, Values
+from coronaryuq.zerod.effects.base import Channel, Series, Values
 
 Instruments = list[tuple[PlacedEffect, Values]]
 """Effects on the waveforms of one sample, with their sizes (1,)."""
@@ -22,15 +22,14 @@ def instruments(hypothesis: Hypothesis, sizes: Sizes) -> Instruments:
     return sorted(found, key=lambda entry: entry[0].key)
 
 
-def places_read(series: Series, rows: Iterable[Instruments], anatomy: Anatomy) -> set[str]:
-    """Return the other locations whose waveforms the readings of a series contain."""
+def places_read(series: Series, rows: Iterable[Instruments], anatomy: Anatomy) -> set[Channel]:
+    """Return quantity and location of the other waveforms that the readings of a series contain."""
     placed = {entry for row in rows for entry, _ in row}
-    found = {effect.elsewhere(place, series, anatomy) for effect, place in placed}
-    return {location for location in found if location is not None}
+    return {read for effect, place in placed if (read := effect.elsewhere(place, series, anatomy)) is not None}
 
 
 def as_read(
-    series: Series, wave: np.ndarray, at: Callable[[str], np.ndarray], rows: Sequence[Instruments], anatomy: Anatomy
+    series: Series, wave: np.ndarray, at: Callable[[Channel], np.ndarray], rows: Sequence[Instruments], anatomy: Anatomy
 ) -> np.ndarray:
     """Return the waveforms of a series as the instruments of each sample read them.
 
@@ -41,7 +40,7 @@ def as_read(
     wave
         (n, k + 1) over a cycle, both ends included.
     at
-        Returns the waveforms, in the same form, at another location.
+        Returns another waveform, in the same form, from its quantity and location.
     rows
         The instruments of each of the n samples.
     anatomy
@@ -53,8 +52,8 @@ def as_read(
             continue
         own = start = wave[number : number + 1, :-1]
         for (effect, place), sizes in row:
-            location = effect.elsewhere(place, series, anatomy)
-            other = None if location is None else at(location)[number : number + 1, :-1]
+            found = effect.elsewhere(place, series, anatomy)
+            other = None if found is None else at(found)[number : number + 1, :-1]
             own = effect.read(place, sizes, series, own, other, anatomy)
         if own is not start:
             read = wave.copy() if read is wave else read

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from coronaryuq.discrepancy.forward.nuisance import BLOOD, Nuisance
 from coronaryuq.discrepancy.forward.pullbacks import REDUCE, Extents, extents, pressures, read
 from coronaryuq.discrepancy.forward.simulation import TOLERANCE, Simulation
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import ConditionState
+from coronaryuq.zerod.effects.base import Channel, ConditionState
 from coronaryuq.zerod.effects.feedback import Feedback
 from coronaryuq.zerod.effects.grafting import into_bed
 from coronaryuq.zerod.network.changes import with_changes
@@ -199,9 +199,8 @@ class Forward:
         self, series: Measured, waves: dict, z: np.ndarray, renamed: dict[str, str], chains: Sequence[Instruments]
     ) -> np.ndarray:
         """Return the values (n, values) of one series that is no pullback, as `readings`."""
-        used = [waves[name] for name in self.variables(series, renamed)]
-        elsewhere = partial(self._waveform, waves, series, renamed)
-        used[0] = as_read(series, used[0], elsewhere, chains, self.anatomy)
+        used = [waves[name] for name in self.variables(series.channel, renamed)]
+        used[0] = as_read(series, used[0], lambda read: waves[self.variables(read, renamed)[0]], chains, self.anatomy)
         period = self.periods.get(series.condition, series.period)
         values = self._series(series, used, period, z, delays(series, chains, len(z)))
         values[~np.isfinite(used[0]).all(axis=1)] = np.nan
@@ -209,10 +208,6 @@ class Forward:
 
     def _root_pressure(self, renamed: dict[str, str]) -> str:
         return f"pressure:{renamed.get(self.root, self.root)}"
-
-    def _waveform(self, waves: dict, series: Measured, renamed: dict[str, str], location: str) -> np.ndarray:
-        """Return the waveforms of the quantity of a series at another location."""
-        return waves[self.variables(replace(series, location=location), renamed)[0]]
 
     def _observe(self, row: np.ndarray, z: np.ndarray, hypothesis: Hypothesis) -> np.ndarray:
         blocks = self.split(row[None, :])
@@ -241,8 +236,8 @@ class Forward:
             name
             for series in measured
             if series.pullback is None
-            for location in (series.location, *sorted(places_read(series, chains, self.anatomy)))
-            for name in self.variables(replace(series, location=location), renamed)
+            for read in (series.channel, *sorted(places_read(series, chains, self.anatomy)))
+            for name in self.variables(read, renamed)
         ]
         for pullback in filter(None, (series.pullback for series in measured)):
             names += [*pressures(prepared.topology, pullback), self._root_pressure(renamed)]
@@ -362,16 +357,16 @@ class Forward:
         sizes = {placed.key: hypothesis.sizes(z, placed) for placed in hypothesis if placed.effect.side == "network"}
         return Point(np.where(run, z[: len(run)], 0.0), sizes)
 
-    def variables(self, series: Measured, renamed: dict[str, str]) -> tuple[str, ...]:
-        """Return the solver names of the waveforms of a series."""
-        location = renamed.get(series.location, series.location)
-        if series.quantity == "perfusion":
-            vessel = self.anatomy.beds[series.location]
-            end = f"{vessel}:{series.location}"
-            return (f"flow:{into_bed(renamed.get(end, end), series.location)}",)
-        if series.quantity == "ratio":
+    def variables(self, read: Channel, renamed: dict[str, str]) -> tuple[str, ...]:
+        """Return the solver names of the waveforms that a channel reads."""
+        quantity, place = read
+        location = renamed.get(place, place)
+        if quantity == "perfusion":
+            end = f"{self.anatomy.beds[place]}:{place}"
+            return (f"flow:{into_bed(renamed.get(end, end), place)}",)
+        if quantity == "ratio":
             return f"pressure:{location}", self._root_pressure(renamed)
-        return (location if location in self._inner else f"{series.quantity}:{location}",)
+        return (location if location in self._inner else f"{quantity}:{location}",)
 
     @cached_property
     def _inner(self) -> frozenset[str]:

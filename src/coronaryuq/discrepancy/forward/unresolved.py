@@ -27,7 +27,7 @@ def sampled(forward: Forward, waves: Waveforms, z: np.ndarray, effects: Hypothes
 
     def known(series: Series, entry: tuple[PlacedEffect, Values]) -> bool:
         places = places_read(series, [[entry]], forward.anatomy)
-        return measured.issuperset((series.condition, series.quantity, place) for place in places)
+        return measured.issuperset((series.condition, *place) for place in places)
 
     readable = [entry for entry in chain if all(known(series, entry) for series in forward.measured)]
     blocks = forward.readings(waves, points, prepared.topology, prepared.renamed, [readable] * len(z))

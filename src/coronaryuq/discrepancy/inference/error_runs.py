@@ -8,7 +8,7 @@ import numpy as np
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.predict import Forward, Waveforms
 from coronaryuq.discrepancy.forward.unresolved import waveforms
-from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors, vessel_errors, wave_errors
+from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors, lumping_errors, vessel_errors
 
 
 @dataclass(eq=False)
@@ -26,9 +26,9 @@ class ErrorRuns:
         return vessel_errors(self.forward)
 
     @cached_property
-    def waves(self) -> VesselErrors:
-        """The errors of vessels that are not divided into parts, as far as they are linear."""
-        return wave_errors(self.forward)
+    def lumping(self) -> VesselErrors:
+        """The errors of vessels as lumps, as far as they are linear."""
+        return lumping_errors(self.forward)
 
     def change(self, points: np.ndarray, times: int, finer: int) -> np.ndarray:
         """Return the change (n, N) of the predictions from one refinement of the time steps to another, at (n, p)."""

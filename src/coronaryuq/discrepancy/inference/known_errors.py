@@ -56,7 +56,7 @@ def known_errors(runs: ErrorRuns, noise: np.ndarray) -> KnownErrors:
     steps = time_steps(runs, noise)
     noise = np.hypot(noise, steps.sd)
     linear, others = runs.vessels.divided(noise)
-    return KnownErrors(steps, others, *linear.with_(runs.waves).shapes(noise))
+    return KnownErrors(steps, others, *linear.with_(runs.lumping).shapes(noise))
 
 
 def unresolved(runs: ErrorRuns, noise: np.ndarray, about: Sized, chain: Instruments) -> TimeSteps | None:

@@ -2,10 +2,11 @@
 
 A lumen is segmented with an error, and a wall's stiffness is not measured; the aorta's vessels are no exception. How a
 bed's resistance and compliance are shared between its parts, such as Rp and Rd, is a convention, not a measurement.
-So is the number of parts into which a network divides a vessel: each part stores its blood in one place. Where these
-errors change predictions little, their effect is linear, and its few leading shapes get weights, like those of the time
-steps. Where it is not, as that of an aorta's inertance on its resonance, the errors are parameters of the model; where
-the phase of an oscillation is unknown, see `known_errors`.
+So is the number of parts into which a network divides a vessel: each part stores its blood in one place. A network's
+pressures are total ones, but probes read static pressure. Where these errors change predictions little, their effect is
+linear, and its few leading shapes get weights, like those of the time steps. Where it is not, as that of an aorta's
+inertance on its resonance, the errors are parameters of the model; where the phase of an oscillation is unknown, see
+`known_errors`.
 """
 
 from collections.abc import Sequence
@@ -14,10 +15,12 @@ from itertools import compress
 
 import numpy as np
 
+from coronaryuq.core import units
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, present
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
+from coronaryuq.zerod.effects.dynamic_pressure import DynamicPressure
 from coronaryuq.zerod.effects.subdivision import Subdivision
 
 SD_RESISTANCE, SD_COMPLIANCE = 0.08, 0.12
@@ -115,19 +118,20 @@ def vessel_errors(forward: Forward) -> VesselErrors:
     return VesselErrors(errors, (more - less) / 2.0, (more + less) / 2.0)._of(np.isfinite(more + less).all(axis=1))
 
 
-def wave_errors(forward: Forward) -> VesselErrors:
-    """Run the model with each of its vessels as a chain of parts; the data tell the weight, 1 for real vessels.
+def lumping_errors(forward: Forward) -> VesselErrors:
+    """Run the model with each of its vessels as a chain of parts, and with the kinetic energy at its probes.
 
-    A pullback reads means, which do not depend on the parts.
+    The data tell the weights, 1 for real vessels. A pullback reads means, which do not depend on the parts.
     """
-    wave, plain = Subdivision(), np.zeros(len(forward.nuisances))
-    waves = [PlacedEffect(wave, vessel) for vessel in wave.places(forward.anatomy)]
-    points = [(np.append(plain, 1.0), Hypothesis((one,))) for one in waves]
-    lumped, *divided = replace(forward, shapes=None).predict_rows([(plain, PLAIN), *points], grafts=waves)
-    changes = np.array(divided).reshape(-1, forward.size) - lumped
+    density, plain = units.BLOOD_DENSITY / forward.pressure_factor, np.zeros(len(forward.nuisances))
+    effects = (Subdivision(), DynamicPressure(density))
+    missing = [PlacedEffect(effect, place) for effect in effects for place in effect.places(forward.anatomy)]
+    points = [(np.append(plain, 1.0), Hypothesis((one,))) for one in missing]
+    lumped, *real = replace(forward, shapes=None).predict_rows([(plain, PLAIN), *points], grafts=missing)
+    changes = np.array(real).reshape(-1, forward.size) - lumped
     for rows, series in zip(forward.rows, forward.measured, strict=True):
         changes[:, rows] *= series.pullback is None
-    errors = [Nuisance(f"waves in {one.place}", 1.0) for one in waves]
+    errors = [Nuisance(f"{one.effect.name} at {one.place}", 1.0) for one in missing]
     return VesselErrors(errors, changes, np.zeros_like(changes))._of(np.isfinite(changes).all(axis=1))
 
 

@@ -36,12 +36,12 @@ def exchange(problem: Problem, candidate: Candidate) -> Exchange | None:
     if not candidate.effect.exchanges:
         return None
     measured, anatomy = problem.forward.measured, problem.forward.anatomy
-    number_of = {(s.quantity, s.statistic, s.condition, s.location): number for number, s in enumerate(measured)}
+    number_of = {(s.quantity, s.location, s.statistic, s.condition): number for number, s in enumerate(measured)}
     before, share = np.arange(len(problem.y)), np.zeros(len(problem.y))
     after = before.copy()
     for number, one in enumerate(measured):
         if place := candidate.effect.elsewhere(candidate.place, one, anatomy):
-            other = number_of.get((one.quantity, one.statistic, one.condition, place))
+            other = number_of.get((*place, one.statistic, one.condition))
             if other is None:
                 return None
             own, rows = problem.owner == number, np.flatnonzero(problem.owner == other)

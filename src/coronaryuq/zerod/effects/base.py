@@ -15,6 +15,8 @@ from coronaryuq.zerod.effects.pullback import Pullback
 from coronaryuq.zerod.effects.readings import Readings
 
 Values = dict[str, np.ndarray]
+Channel = tuple[str, str]
+"""Quantity and location of a reading."""
 Number = TypeVar("Number", float, np.ndarray)
 
 
@@ -72,6 +74,10 @@ class Series:
     period: float
     pullback: Pullback | None = field(default=None, kw_only=True)
     readings: Readings | None = field(default=None, kw_only=True)
+
+    @property
+    def channel(self) -> Channel:
+        return self.quantity, self.location
 
     def sampled(self, waves: np.ndarray, duration: float, late: np.ndarray) -> np.ndarray:
         """Return the values (n, k) of a waveform read from waves (n, points) over a duration, each later by (n,), s."""
@@ -240,8 +246,8 @@ class Effect(ABC):
         """Return by how much later a waveform is read than stated, (n,), s."""
         return np.zeros(1)
 
-    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> str | None:
-        """Return the other location whose waveform the reading of a series contains, None if there is none."""
+    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> Channel | None:
+        """Return quantity and location of the other waveform that the reading of a series contains; None without."""
         return None
 
     def read(

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Parameter, Series, Values
+from coronaryuq.zerod.effects.base import Channel, Parameter, Series, Values
 from coronaryuq.zerod.effects.sensors import Sensor
 
 TOWARDS, AND, WITH = " towards ", " and ", " with "
@@ -51,11 +51,11 @@ class _Misplaced(_ReadsElsewhere):
             for vessel in self._neighbours(location, anatomy)
         ]
 
-    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> str | None:
+    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> Channel | None:
         location, _, vessel = place.partition(TOWARDS)
         if series.location != location or not self._reads(series):
             return None
-        return self._neighbours(location, anatomy)[vessel]
+        return series.quantity, self._neighbours(location, anatomy)[vessel]
 
     @abstractmethod
     def _neighbours(self, location: str, anatomy: Anatomy) -> dict[str, str]:
@@ -111,11 +111,11 @@ class _Exchanged(_ReadsElsewhere):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [AND.join(pair) for pair in combinations(super().places(anatomy, observed), 2)]
 
-    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> str | None:
+    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> Channel | None:
         pair = place.split(AND)
         if series.location not in pair or not self._reads(series):
             return None
-        return pair[1 - pair.index(series.location)]
+        return series.quantity, pair[1 - pair.index(series.location)]
 
 
 SHARE = Parameter("share", "1", "lognormal", 1.0, 0.05, "fraction of the exchange, 1 if the two channels are exchanged")
@@ -159,9 +159,9 @@ class FlowCrosstalk(_ReadsElsewhere):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [WITH.join(pair) for pair in permutations(super().places(anatomy, observed), 2)]
 
-    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> str | None:
+    def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> Channel | None:
         location, other = place.split(WITH)
-        return other if series.location == location and self._reads(series) else None
+        return (series.quantity, other) if series.location == location and self._reads(series) else None
 
     def kept(self, share: np.ndarray) -> np.ndarray | float:
         return 1.0
