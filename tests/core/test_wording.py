@@ -42,3 +42,4 @@ def test_lists_and_p_values_read_as_in_a_sentence():
 def test_similar_names_are_found_whatever_their_capitals():
     assert similar("LAD_PROX", ["AOP", "lad_prox", "lcx"]).startswith("similar: lad_prox")
     assert similar("zzz", ["AOP"]) == ""
+    assert similar("leia:J1", ["lcia:J1", "leia:B1", "reia:J1", "J1:leia"]).startswith("similar: J1:leia, ")

@@ -26,7 +26,6 @@ from coronaryuq.zerod.settings import Settings as ZeroDSettings
 from coronaryuq.zerod.stage import LoopModel, ffr_locations
 from coronaryuq.zerod.theta import Theta, read_theta
 
-Z_90 = 1.6448536269514722
 QUANTILES = (0.05, 0.5, 0.95)
 
 
@@ -186,7 +185,7 @@ def _sizes(one: Placed) -> list[dict[str, Any]]:
     found = []
     for j, parameter in enumerate(effect(one.effect).parameters):
         sd = float(np.sqrt(one.covariance[j][j]))
-        low, value, high = (float(parameter.from_standard(one.mean[j] + k * sd)) for k in (-Z_90, 0.0, Z_90))
+        value, low, high = parameter.with_interval(one.mean[j], sd)
         found.append(
             {"name": parameter.name, "meaning": parameter.meaning, "unit": parameter.unit, "value": value,
              "low": low, "high": high}

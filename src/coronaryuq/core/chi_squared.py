@@ -14,6 +14,12 @@ def chi2_tail(covariance: np.ndarray, vector: np.ndarray) -> float:
     return float(stats.chi2.sf(np.sum(rotated**2 / values[kept]), kept.sum()))
 
 
+def trimmed_mean_square(squares: np.ndarray, trimmed: float) -> float:
+    """Return the mean square without the largest fraction, over that of standard normal numbers."""
+    count = int(np.ceil((1.0 - trimmed) * squares.size))
+    return float(np.sort(squares)[:count].mean()) / mean_of_smaller(count / squares.size)
+
+
 @cache
 def mean_of_smaller(fraction: float) -> float:
     """Return the mean of the smallest fraction of the squares of standard normal numbers."""

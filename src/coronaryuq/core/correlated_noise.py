@@ -6,6 +6,20 @@ SMOOTH = 2.0
 """Variance of a shape of correlated noise, over that of the white remainder, above which it gets a separate weight."""
 
 
+def autoregressive(count: int, correlation: float, random: np.random.Generator) -> np.ndarray:
+    """Draw noise of unit standard deviation with some correlation of successive samples, (count,)."""
+    noise = random.standard_normal(count)
+    for k in range(1, count if correlation else 0):
+        noise[k] = correlation * noise[k - 1] + np.sqrt(1.0 - correlation**2) * noise[k]
+    return noise
+
+
+def around_the_beat(time: np.ndarray, period: float, correlation_time: float) -> np.ndarray:
+    """Return correlations (k, k) of samples by their distance around the beat, whose starting point is irrelevant."""
+    apart = np.abs(time[:, None] - time[None, :]) % period
+    return np.exp(-np.minimum(apart, period - apart) / correlation_time)
+
+
 def white_and_shapes(correlation: np.ndarray, smooth: float = SMOOTH) -> tuple[float, np.ndarray]:
     """Decompose noise of unit standard deviation with some correlations (k, k).
 

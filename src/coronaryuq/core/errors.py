@@ -71,8 +71,14 @@ def meant(written: Any, known: Iterable[Word], others: Mapping[str, Word] | None
 
 
 def similar(name: Any, known: Iterable[str]) -> str:
-    """Return "similar: X, Y" for up to three words that resemble a name, whatever their capitals, else nothing."""
-    found = _close(name, known, 3, 0.3)
+    """Return "similar: X, Y" for up to three words that resemble a name, whatever their capitals, else nothing.
+
+    First comes one with the same two parts in the other order, as "B:A" for "A:B".
+    """
+    known = list(known)
+    turned = ":".join(reversed(str(name).split(":"))).lower()
+    found = [word for word in known if word.lower() == turned and ":" in turned]
+    found = list(dict.fromkeys([*found, *_close(name, known, 3, 0.3)]))[:3]
     return f"similar: {', '.join(found)}" if found else ""
 
 

@@ -11,7 +11,6 @@ from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.result import write
-from coronaryuq.discrepancy.result.facts import with_interval
 from coronaryuq.discrepancy.result.summary_text import write_paragraph
 from coronaryuq.discrepancy.search_case import searched
 from coronaryuq.discrepancy.selection.shared_device import (
@@ -96,7 +95,7 @@ def _sizes(effect: Effect, mean: np.ndarray, covariance: np.ndarray) -> list[dic
     spread = np.sqrt(np.diag(covariance))
     return [
         {"name": one.name, "meaning": one.meaning, "unit": one.unit}
-        | dict(zip(("value", "low", "high"), with_interval(one, mean[j], spread[j]), strict=True))
+        | dict(zip(("value", "low", "high"), one.with_interval(mean[j], spread[j]), strict=True))
         for j, one in enumerate(effect.parameters)
     ]
 

@@ -27,6 +27,8 @@ from coronaryuq.zerod.effects.library import effect as named_effect
 
 MEASURED, BEFORE, AFTER, FLEXIBLE = "#000000", "#8C7AB8", "#B5477F", "#8A6D1D"
 TOGETHER = "#4B2E83"
+BY_CHANCE = 3.0
+"""Largest misfit of a vessel, in standard deviations, that is likely by chance, as the caption says."""
 MOST_PANELS = 6
 
 
@@ -93,7 +95,8 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
         axes.set_ylim(-0.5, max(leaves - 1, 0) + 0.7)
         title = "Largest misfit after recalibration (in standard deviations expected by chance); grey: not measured"
         axes.set_title(title, loc="left")
-        canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7)
+        bar = canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7, label="largest misfit (sd)")
+        bar.ax.axhline(BY_CHANCE, color="white", lw=1.5)
 
 
 def _mark(axes, vessel: str, depth: float, height: float, length: float, named: list[str]) -> None:

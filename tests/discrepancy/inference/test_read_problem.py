@@ -27,8 +27,34 @@ def test_an_absurd_value_is_rejected(error_of):
 def test_values_in_another_unit_than_stated_are_rejected(error_of, quantity, factor):
     """The hidden stenosis and the beds, which are off, change the flow by less than a factor of two."""
     message = error_of(lambda t: t.assign(value=np.where(t.quantity == quantity, factor * t.value, t.value)))
-    told, _, rest = message.partition(f"{quantity}: ratio of measured to simulated values = ")[2].partition(":")
+    _assert_another_unit(message, factor)
+
+
+def _assert_another_unit(message, factor):
+    told, _, rest = message.partition(": ratio of measured to simulated values = ")[2].partition(":")
     assert 0.5 < float(told) / factor < 2.0 and rest == " check the column unit, and the unit of the model\n"
+
+
+@pytest.mark.parametrize("factor", [7.5, 1 / 7.5])
+def test_one_pressure_in_another_unit_is_rejected(error_of, factor):
+    """One in kPa had been something else, with a gain of -0.87, after 156 s."""
+    place = "lad:BC_lad"
+    message = error_of(lambda t: t.assign(value=np.where(t.location == place, factor * t.value, t.value)))
+    assert f"pressure at {place} under rest: " in message
+    _assert_another_unit(message, factor)
+
+
+@pytest.mark.parametrize("factor", [50 / 3, 3 / 50])
+def test_flows_of_one_condition_in_another_unit_are_rejected(error_of, factor):
+    """L/min, stated as mL/s or the reverse, had been something else, after 61 s."""
+
+    def change(table):
+        wrong = (table.quantity == "flow") & (table.condition == "hyperaemia")
+        return table.assign(value=np.where(wrong, factor * table.value, table.value))
+
+    message = error_of(change)
+    assert "flow under hyperaemia: " in message
+    _assert_another_unit(message, factor)
 
 
 def test_flows_of_opposite_sign_are_rejected(error_of):

@@ -128,7 +128,7 @@ def agreeing(alarm, conflicts=(), nothing=0.97):
     answer = {"facts": facts, "held_out": gaps, "global_test": {"p": 1e-9 if alarm else 0.3}, "consistent": True}
     answer["detectable"] = {"signal": 6.0, "effects": ["inertance", "flow_gain"], "of": 29}
     return summary_text.paragraph(
-        answer | {"alarm": alarm, "noise": {}, "outliers": [], "prior_conflicts": list(conflicts)}
+        answer | {"alarm": alarm, "uneven_noise": {}, "noise": {}, "outliers": [], "prior_conflicts": list(conflicts)}
     )
 
 
@@ -176,8 +176,9 @@ def test_where_nothing_is_worth_naming_the_nearest_effects_are_listed_without_wa
     facts = {"best": [], "answer": forms, "waveforms": False}
     answer = {"alarm": True, "held_out": {}, "facts": facts, "rounds": [first]}
     assert summary_text._outside_library(answer, []) == (
-        "Something other than an effect of the library is missing (probability 0.96). Of the library, none worth "
-        "naming, the likeliest are (with shares): diffuse narrowing at lad (0.35) and bifurcation loss at lad (0.33)."
+        "Something other than an effect of the library is missing (probability 0.96). No effect of the library is "
+        "worth naming; the likeliest, with their shares, are diffuse narrowing at lad (0.35) and bifurcation loss at "
+        "lad (0.33)."
     )
     answer["facts"]["waveforms"], answer["rounds"] = True, []
     assert summary_text._outside_library(answer, []).endswith(f"(probability 0.96). {summary_text.RESIDUALS}")

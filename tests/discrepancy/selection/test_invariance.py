@@ -12,7 +12,7 @@ from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.trial import analyse, hide
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.result.facts import Z_90
+from coronaryuq.zerod.effects.base import Z_90
 
 Table = pd.DataFrame
 WAVES = "waveform"

@@ -8,10 +8,10 @@ import yaml
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.data.recordings import prepare_case
 from coronaryuq.discrepancy.inference.read_problem import read_problem
-from coronaryuq.discrepancy.result.facts import Z_90
 from coronaryuq.discrepancy.selection.answer import OTHER
 from coronaryuq.discrepancy.selection.search import discover
 from coronaryuq.discrepancy.settings import Settings
+from coronaryuq.zerod.effects.base import Z_90
 from coronaryuq.zerod.network.read import read_network
 
 RECORDINGS = Path(__file__).parents[4] / "shared" / "data" / "perfused-heart"

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from coronaryuq.core.correlated_noise import autoregressive
 from coronaryuq.core.io.atomic import write_json
 from coronaryuq.core.io.tables import write_csv
 from coronaryuq.core.seeds import generator
@@ -45,10 +46,7 @@ class Noise:
 
     def draw(self, count: int, random: np.random.Generator) -> np.ndarray:
         """Draw noise of unit standard deviation, (count,)."""
-        noise = random.standard_normal(count)
-        for k in range(1, count if self.correlation else 0):
-            noise[k] = self.correlation * noise[k - 1] + np.sqrt(1.0 - self.correlation**2) * noise[k]
-        return noise
+        return autoregressive(count, self.correlation, random)
 
 
 @dataclass(frozen=True)

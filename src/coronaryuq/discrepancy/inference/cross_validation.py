@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
+from coronaryuq.core.block_bootstrap import root_mean_square_interval
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.inference.evidence import Evidence
@@ -14,8 +15,8 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit, Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import residual_tests
 
-BLOCKS, RESAMPLES = 4, 400
-"""Blocks of a waveform that the bootstrap resamples, and its samples."""
+BLOCKS = 4
+"""Blocks of a waveform that the bootstrap resamples."""
 
 Folds = list[tuple[np.ndarray, np.ndarray]]
 """(train, test) rows (N,) of each fold."""
@@ -153,7 +154,7 @@ def gap(problem: Problem, model: Linear, folds: Folds, seed: int) -> Gap:
     rmse = {q: float(np.sqrt(np.mean(raw[quantities == q] ** 2))) for q in dict.fromkeys(quantities)}
     return Gap(
         float(np.sqrt(np.mean(residual**2))),
-        _interval(problem, residual, rows, seed),
+        root_mean_square_interval(residual, _quarters(problem, rows), generator(seed, "discrepancy", "gap")),
         rmse,
         density / len(rows),
         density,
@@ -187,20 +188,15 @@ def predictive_p(problem: Problem, model: Linear, folds: Folds) -> float:
     return min(1.0, len(p_values) * min(p_values))
 
 
-def _interval(problem: Problem, residual: np.ndarray, rows: np.ndarray, seed: int) -> tuple[float, float]:
-    """Return the 90 % percentile interval of the misfit by bootstrap of blocks: quarters of a waveform, other rows."""
+def _quarters(problem: Problem, rows: np.ndarray) -> np.ndarray:
+    """Return the number of the block of each row (m,): a quarter of a waveform, or another row alone."""
     block, offset = np.zeros(len(rows), dtype=int), 0
     for owner in np.unique(problem.owner[rows]):
         own = np.flatnonzero(problem.owner[rows] == owner)
         for part in np.array_split(own, min(BLOCKS, len(own))):
             block[part] = offset
             offset += 1
-    sums = np.bincount(block, residual**2, minlength=offset)
-    counts = np.bincount(block, minlength=offset)
-    draws = generator(seed, "discrepancy", "gap").integers(0, offset, (RESAMPLES, offset))
-    values = np.sqrt(sums[draws].sum(axis=1) / counts[draws].sum(axis=1))
-    low, high = np.quantile(values, [0.05, 0.95])
-    return float(low), float(high)
+    return block
 
 
 def folds_of(problem: Problem, held_out: list[str]) -> Folds:

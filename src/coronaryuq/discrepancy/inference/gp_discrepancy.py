@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from coronaryuq.core.harmonics import fourier_basis
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.flexible import Flexible
 
@@ -64,10 +65,7 @@ def features(problem: "Problem", common: bool = False) -> np.ndarray:
         columns[:, 0] = 1.0
         phase = phase_of(series)
         if phase is not None:
-            for h in range(1, HARMONICS + 1):
-                angle = 2 * np.pi * h * phase
-                columns[:, 2 * h - 1] = np.cos(angle) / (1 + h**2)
-                columns[:, 2 * h] = np.sin(angle) / (1 + h**2)
+            columns = fourier_basis(phase, HARMONICS) / (1.0 + np.r_[0 : HARMONICS + 1, 1 : HARMONICS + 1] ** 2)
         scaled = columns * size[key] / problem.sd[rows, None] * np.sqrt(0.5)
         for part in (0, 1 + conditions.index(series.condition)):
             blocks[rows, distinct.index(process), part] = scaled

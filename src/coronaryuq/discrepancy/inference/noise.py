@@ -11,8 +11,9 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
-from coronaryuq.core.chi_squared import mean_of_smaller
-from coronaryuq.core.correlated_noise import white_and_shapes
+from coronaryuq.core.chi_squared import trimmed_mean_square
+from coronaryuq.core.correlated_noise import around_the_beat, white_and_shapes
+from coronaryuq.core.harmonics import fourier_basis
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.inference.residual_tests import phases
@@ -143,17 +144,17 @@ class _Waveform:
 
     def __init__(self, series: Measured, phase: np.ndarray, residual: np.ndarray):
         count = min(HARMONICS, (phase.size // 2 - 1) // 2)
-        angles = 2.0 * np.pi * np.outer(phase, np.arange(1, count + 1))
-        basis = np.hstack([np.ones((phase.size, 1)), np.cos(angles), np.sin(angles)])
+        basis = fourier_basis(phase, count)
         self.series, self.left = series, np.linalg.qr(basis, mode="complete")[0][:, basis.shape[1] :]
         self.values = self.left.T @ residual
-        self.step = float(np.median(np.diff(_time(series)))) if phase.size > 1 else series.period
+        self.step = float(np.median(np.diff(series.sample_times))) if phase.size > 1 else series.period
 
     def fit(self, correlation_time: float) -> tuple[float, float]:
         """Return the mean square of the whitened values, without the largest, and the log likelihood with it."""
         correlation = _correlation(self.series, correlation_time) if correlation_time else np.eye(len(self.left))
         factor = np.linalg.cholesky(self.left.T @ correlation @ self.left)
-        square = max(_share(solve_triangular(factor, self.values, lower=True) ** 2), 1e-300)
+        square = solve_triangular(factor, self.values, lower=True) ** 2
+        square = max(trimmed_mean_square(square, TRIMMED), 1e-300)
         return square, -0.5 * len(self.values) * np.log(square) - float(np.log(np.diag(factor)).sum())
 
 
@@ -189,23 +190,8 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     return Estimate(noise, (Alternative(Noise(1.0), float(np.log(AS_STATED))), *others))
 
 
-def _share(squares: np.ndarray) -> float:
-    """Return the mean square without the largest, over that of standard normal numbers."""
-    count = int(np.ceil((1.0 - TRIMMED) * squares.size))
-    return float(np.sort(squares)[:count].mean()) / mean_of_smaller(count / squares.size)
-
-
-def _time(series: Measured) -> np.ndarray:
-    if series.time is None:
-        raise ValueError(f"{series.quantity} at {series.location} is not a waveform")
-    return series.time
-
-
 def _correlation(series: Measured, correlation_time: float) -> np.ndarray:
-    """Return correlations (k, k) of samples by their distance around the beat, whose starting point is irrelevant."""
-    time = _time(series)
-    apart = np.abs(time[:, None] - time[None, :]) % series.period
-    return np.exp(-np.minimum(apart, series.period - apart) / correlation_time)
+    return around_the_beat(series.sample_times, series.period, correlation_time)
 
 
 def white_and_correlated(series: Measured, noise: Noise) -> tuple[float, np.ndarray]:

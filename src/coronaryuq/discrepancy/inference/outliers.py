@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.core.scatter import far_off
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.inference.problem import Problem
-
-MEDIAN = 0.6744897501960817
-"""Median of the absolute value of a standard normal number."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +36,9 @@ def samples_of(outliers: Sequence[Outlier], measured: Sequence[Measured]) -> np.
 def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
     """Return the outliers among the whitened residuals (N,) of all data, worst first.
 
-    A sample's distance from the line between its neighbours is divided by its standard deviation under white noise
-    (Gasser, Sroka & Jennen-Steinmetz 1986), or by what most samples of the waveform are off, if that is larger; the
-    worst sample is moved to the line, and so on. The ends of a waveform, which have only one neighbour, are not tested.
+    A sample's distance from the line between its neighbours is divided by its standard deviation under white noise, or
+    by what most samples of the waveform are off, if that is larger; the worst is moved to the line, and so on. The ends
+    of a waveform, which have only one neighbour, are not tested.
     Samples that stand out at the same time of the beat in three series, or in two of the same sensor under different
     conditions, are not artefacts.
     """
@@ -48,22 +46,9 @@ def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
     for number, series in enumerate(problem.forward.measured):
         if series.time is None:
             continue
-        left = np.array(residual[problem.owner == number])
-        after = (series.time[1:-1] - series.time[:-2]) / np.maximum(series.time[2:] - series.time[:-2], 1e-12)
-        scale = np.sqrt(1.0 + after**2 + (1.0 - after) ** 2)
-        # Where most samples are off the line, as if an oscillation is missed, none of them is an artefact.
-        off = left[1:-1] - (1.0 - after) * left[:-2] - after * left[2:]
-        scale *= max(1.0, float(np.median(np.abs(off / scale))) / MEDIAN)
-        while True:
-            line = (1.0 - after) * left[:-2] + after * left[2:]
-            off = (left[1:-1] - line) / scale
-            worst = int(np.argmax(np.abs(off)))
-            if not abs(off[worst]) > RULE.outlier:
-                break
-            time = float(series.time[worst + 1])
-            outlier = Outlier(series.quantity, series.location, series.condition, time, float(off[worst]))
-            found.append((outlier, number, time / series.period))
-            left[worst + 1] = line[worst]
+        for sample, off in far_off(series.time, residual[problem.owner == number], RULE.outlier):
+            time = float(series.time[sample])
+            found.append((Outlier(*series.channel, series.condition, time, off), number, time / series.period))
     alone = []
     for outlier, owner, phase in found:
         near = RULE.same_time / problem.forward.measured[owner].value.size

@@ -34,8 +34,11 @@ from coronaryuq.zerod.solver.periodic import Periodicity
 
 MISTYPED = {"perfusion": 1e4}
 """Largest plausible ratio of a measured value to the largest simulated value; 50 for other quantities."""
-UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 20.0, "volume": 20.0}
-"""Largest plausible ratio of the median measured/simulated value; kPa and mmHg differ by a factor of 7.5."""
+UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 8.0, "volume": 20.0}
+"""Largest plausible ratio of the median measured/simulated value; kPa and mmHg differ by a factor of 7.5, L/min and
+mL/s by 16.7."""
+LEAST_MEAN = 0.05
+"""Smallest simulated mean, over the largest value of the quantity, that a ratio is taken to."""
 LEAST_WHITE = 0.1
 """Smallest fraction of a standard deviation that remains white noise, whatever floor and time-step allowance add."""
 OUT_OF_USE = 1e3
@@ -99,15 +102,15 @@ def _check_root(problem: Problem) -> None:
     pressure = problem.forward.anatomy.pressure * problem.forward.pressure_factor / units.MMHG
     if problem.settings.pressure_unit == "auto" and not AORTIC[0] <= pressure <= AORTIC[1]:
         unit = "mmHg" if problem.forward.pressure_factor == units.MMHG else "dyn/cm2"
-        remedy = f"assuming the network is in {unit}; expected {AORTIC[0]:g} to {AORTIC[1]:g}; set pressure_unit"
+        remedy = f"assuming the network is in {unit}; expected {AORTIC[0]:g} to {AORTIC[1]:g}; set --pressure-unit"
         raise InputError("model", "mean root pressure (mmHg)", float(f"{pressure:.3g}"), remedy)
 
 
 def _check_sizes(problem: Problem, file: str | Path) -> None:
     """Reject measurements far from all simulated values: they are in another unit, or mistyped.
 
-    A single flow may be much smaller than the model's, in a nearly closed vessel; the scale of perfusion is determined
-    by the data.
+    Each pressure may be in a unit of its own, and so may the flows of each condition. A single flow may be much smaller
+    than the model's, in a nearly closed vessel; the scale of perfusion is determined by the data.
     """
     forward = problem.forward
     predicted = forward.split(forward.predict(np.zeros(problem.count)))
@@ -117,26 +120,29 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
         largest = max(np.abs(p).max() for _, p in mine)
         if not np.isfinite(largest) or largest == 0.0:
             continue
-        places = {s.location for s, _ in mine}
-        if quantity == "flow" and len(places) > 1 and all(_opposite(s, p) for s, p in mine):
+        if quantity == "flow" and len({s.location for s, _ in mine}) > 1 and all(_opposite(s, p) for s, p in mine):
             remedy = "all measured flows have the opposite sign to the model; check the sign convention"
             raise InputError(file, "mean flow (mL/s)", float(f"{mine[0][0].value.mean():.3g}"), remedy)
-        for series, _ in mine:
-            worst = int(np.argmax(np.abs(series.value)))
-            times = abs(float(series.value[worst])) / largest
+        groups: dict[str, list[tuple[Measured, np.ndarray]]] = {}
+        for s, own in mine:
+            worst = int(np.argmax(np.abs(s.value)))
+            times = abs(float(s.value[worst])) / largest
             if times > MISTYPED.get(kind, 50.0):
-                where = "/".join((series.condition, quantity, series.location, series.statistic))
-                where += "" if series.time is None else f", t = {series.time[worst]:.4g} s"
-                where = f"{where}: ratio to the largest simulated value"
+                at = "" if s.time is None else f", t = {s.time[worst]:.4g} s"
+                where = f"{s.condition}/{quantity}/{s.location}/{s.statistic}{at}: ratio to the largest simulated value"
                 raise InputError(file, where, float(f"{times:.3g}"), "check the value and its unit")
-        middle = float(np.median([np.abs(s.value).mean() / max(np.abs(p).mean(), 1e-9 * largest) for s, p in mine]))
-        most = max(float(np.abs(s.value).max()) for s, _ in mine) / largest
-        limit = UNITS_APART.get(kind, np.inf)
-        times = middle if middle > limit else most
-        several = quantity != "flow" or len(places) > 1
-        if middle > limit or (several and most < 1.0 / limit):
-            where = f"{quantity}: ratio of measured to simulated values"
-            raise InputError(file, where, float(f"{times:.3g}"), "check the column unit, and the unit of the model")
+            at = f"at {s.location} " if kind == "pressure" else ""
+            groups.setdefault(f"{quantity} {at}under {s.condition}", []).append((s, own))
+        for where, group in groups.items():
+            # A mean near zero, as of a flow through a closed valve, has no ratio.
+            ratios = [np.abs(s.value).mean() / max(np.abs(p).mean(), LEAST_MEAN * largest) for s, p in group]
+            times, limit = float(np.median(ratios)), UNITS_APART.get(kind, np.inf)
+            several = quantity != "flow" or len({s.location for s, _ in group}) > 1
+            most = max(np.abs(s.value).max() for s, _ in group) / max(np.abs(p).max() for _, p in group)
+            if times > limit or (several and most < 1.0 / limit):
+                told = float(f"{times if times > limit else most:.3g}")
+                remedy = "check the column unit, and the unit of the model"
+                raise InputError(file, f"{where}: ratio of measured to simulated values", told, remedy)
 
 
 def _opposite(series: Measured, predicted: np.ndarray) -> bool:

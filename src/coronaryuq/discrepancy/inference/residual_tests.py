@@ -6,6 +6,7 @@ import numpy as np
 from scipy import stats
 
 from coronaryuq.core.chi_squared import chi2_tail
+from coronaryuq.core.harmonics import fourier_basis
 from coronaryuq.discrepancy.inference.gp_discrepancy import phase_of
 from coronaryuq.discrepancy.inference.problem import Problem
 
@@ -52,11 +53,7 @@ def smooth(problem: Problem, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     sd = problem.sd[which]
     columns, owners = [], []
     for number, own, phase in phases(problem, which):
-        waves = [np.ones(own.size)]
-        if phase is not None:
-            for h in range(1, HARMONICS + 1):
-                waves += [np.cos(2 * np.pi * h * phase), np.sin(2 * np.pi * h * phase)]
-        for wave in waves:
+        for wave in fourier_basis(phase, HARMONICS).T if phase is not None else np.ones((1, own.size)):
             column = np.zeros(len(sd))
             column[own] = wave / sd[own]
             columns.append(column / np.linalg.norm(column))

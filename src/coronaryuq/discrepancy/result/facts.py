@@ -13,12 +13,10 @@ from coronaryuq.discrepancy.inference.locate import Located
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.base import Parameter
+from coronaryuq.zerod.effects.base import Z_90, Parameter
 from coronaryuq.zerod.effects.sensors import Offset
 
 WHERE = ("quantity", "location", "condition")
-Z_90 = 1.6448536269514722
-"""Half-width of the central 90 % of a standard normal distribution."""
 
 
 def facts(discovery: Discovery) -> dict:
@@ -92,7 +90,7 @@ def described_sizes(placed: PlacedEffect, sizes: list[tuple[Parameter, float, fl
     """
     described, effect = [], placed.effect
     for parameter, z, sd in sizes:
-        values = with_interval(parameter, z, sd)
+        values = parameter.with_interval(z, sd)
         meaning, _ = effect.describe(parameter, values[0], anatomy)
         value, *ends = (float(effect.describe(parameter, size, anatomy)[1]) for size in values)
         low, high = sorted(ends)
@@ -133,18 +131,13 @@ def by_condition(varying: Constancy, forward: Forward) -> dict:
     slope, least, sizes = (further - size) / SMALL, 0.0 if parameter.kind == "lognormal" else -np.inf, {}
     for condition, (mean, sd) in varying.known.items():
         each = [max(size + slope * (mean + k * sd - varying.about), least) for k in (0.0, -Z_90, Z_90)]
-        each = with_interval(parameter, mean, sd) if effect.changes_shape else each
+        each = parameter.with_interval(mean, sd) if effect.changes_shape else each
         sizes[condition] = [float(effect.describe(parameter, one, anatomy)[1]) for one in each]
     own = _size_label(varying.placed, parameter, anatomy), 1.0
     label, factor = _clinical(varying.placed, size, forward.measured) or own
     ordered = {condition: [value, *sorted(ends)] for condition, (value, *ends) in sizes.items()}
     sizes = {condition: [factor * value for value in values] for condition, values in ordered.items()}
     return {"label": label, "unit": "" if parameter.unit == "1" else parameter.unit, "conditions": sizes}
-
-
-def with_interval(parameter: Parameter, z: float, sd: float) -> list[float]:
-    """Return the size at z and at the ends of its 90 % interval."""
-    return [float(parameter.from_standard(z + k * sd)) for k in (0.0, -Z_90, Z_90)]
 
 
 def _size_label(placed: PlacedEffect, parameter: Parameter, anatomy: Anatomy) -> str:

@@ -37,6 +37,12 @@ def noise_notes(noise: Mapping[str, Mapping]) -> str:
     return text + doubt * bool(loud)
 
 
+def uneven_notes(uneven: Mapping[str, float]) -> str:
+    """Report noise that is larger under some conditions than under others."""
+    each = [f"{times:.2g} times as large for {where}" for where, times in uneven.items()]
+    return f"Over its stated size, noise is {listed(each)} as under other conditions. " * bool(each)
+
+
 def outlier_notes(outliers: Sequence[Mapping]) -> str:
     """Report single samples that lie far from both neighbours."""
     if not outliers:

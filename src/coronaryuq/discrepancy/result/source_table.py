@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from coronaryuq.discrepancy.result.facts import Z_90
 from coronaryuq.discrepancy.selection.unknown_source import LAWS, UnknownSource
+from coronaryuq.zerod.effects.base import Z_90
 
 COLUMNS = ["condition", "phase", "flow", "low", "high", "vessel"]
 

@@ -39,7 +39,8 @@ def paragraph(answer: Mapping) -> str:
     """
     facts, gaps, held_out = answer["facts"], answer["held_out"], _held_out(answer)
     count, p = facts["measurements"], answer["global_test"]["p"]
-    notes = phrases.noise_notes(answer["noise"]) + phrases.outlier_notes(answer["outliers"])
+    notes = phrases.uneven_notes(answer["uneven_noise"]) + phrases.noise_notes(answer["noise"])
+    notes += phrases.outlier_notes(answer["outliers"])
     if answer["consistent"]:
         nothing = facts["answer"]["probabilities"][NOTHING]
         other = f"; that something is missing, {1.0 - nothing:.2f}" if nothing < SURE else ""
@@ -144,7 +145,8 @@ def _nearest(answer: Mapping) -> str:
     """List the effects that come nearest where none is worth naming."""
     first = (answer["rounds"] or [[]])[0]
     near = [f"{phrases.label_text(one)} ({one['share']:.2f})" for one in first[:NEAREST] if one["share"] >= LEAST_SHARE]
-    return f"Of the library, none worth naming, the likeliest are (with shares): {listed(near)}. " * bool(near)
+    are = "the likeliest, with its share, is" if len(near) == 1 else "the likeliest, with their shares, are"
+    return f"No effect of the library is worth naming; {are} {listed(near)}. " * bool(near)
 
 
 def _unseen(answer: Mapping, held_out: list[str]) -> bool:

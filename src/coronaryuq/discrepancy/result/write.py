@@ -16,7 +16,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.cross_validation import Gap
 from coronaryuq.discrepancy.inference.noise import with_correlated
-from coronaryuq.discrepancy.result.facts import by_condition, facts, prior_conflicts, with_interval
+from coronaryuq.discrepancy.result.facts import by_condition, facts, prior_conflicts
 from coronaryuq.discrepancy.result.pullback_table import pullback_table
 from coronaryuq.discrepancy.result.repair import REPAIRED, REWIRED, repaired, rewired, wiring_statement
 from coronaryuq.discrepancy.result.source_table import source_entry, source_table
@@ -39,6 +39,7 @@ def summary(found: Discovery) -> dict:
         "consistent": found.consistent,
         "probability": {**found.answer.probabilities, "forms of something else": found.answer.forms},
         "outliers": [vars(one) for one in found.outliers],
+        "uneven_noise": found.uneven,
         "noise": {quantity: vars(one) for quantity, one in found.noise.items()},
         "global_test": {"p": found.located.p, **found.located.tests},
         "prior_conflicts": prior_conflicts(found.located, forward.nuisances, settings.alarm_level),
@@ -103,7 +104,7 @@ def named(found: Discovery) -> list[dict]:
 def _named(found: Discovery, placed: PlacedEffect, entry: Round) -> dict:
     (effect, place), sizes, values = placed, {}, {}
     for parameter, z, sd in found.sizes(placed):
-        values[parameter.name], *ends = with_interval(parameter, z, sd)
+        values[parameter.name], *ends = parameter.with_interval(z, sd)
         sizes[parameter.name] = {"value": values[parameter.name], "interval_90": ends, "unit": parameter.unit}
     return {
         "effect": effect.name,

@@ -40,7 +40,9 @@ class Discovery:
     answer
         Probabilities of the answers.
     measured
-        The measurements as stated, before their noise was estimated.
+        The measurements before their noise was estimated.
+    uneven
+        Quantity and condition whose noise is larger than under other conditions, and how many times.
     noise
         The estimated noise that this answer used, by quantity; empty: the stated one.
     candidates
@@ -70,6 +72,7 @@ class Discovery:
     measured: list[Measured]
     candidates: list[Candidate] = field(default_factory=list)
     candidates_tested: int = 0
+    uneven: dict[str, float] = field(default_factory=dict)
     noise: dict[str, Noise] = field(default_factory=dict)
     outliers: list[Outlier] = field(default_factory=list)
     nodes: list[tuple[str, float]] = field(default_factory=list)

@@ -1,17 +1,19 @@
 """Noise as the data show it: about the model alone, and again about the effects that are found with that noise."""
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
+from coronaryuq.core.scatter import larger_scatter, off_line
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis
 from coronaryuq.discrepancy.inference.evidence import Data
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.noise import Estimate, differing, most_probable, noise_estimates
 from coronaryuq.discrepancy.inference.outliers import Outlier, find_outliers, samples_of
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.inference.read_problem import possible_noises, with_noise
+from coronaryuq.discrepancy.inference.read_problem import make_problem, possible_noises, with_noise, with_time_steps
 from coronaryuq.discrepancy.selection.answer import without_effects
 from coronaryuq.discrepancy.selection.refit import exact
 
@@ -70,6 +72,29 @@ def observe(problem: Problem, hypothesis: Hypothesis, fit: Fit) -> Observed:
         shown = {series.quantity for series in problem.forward.measured if series.statistic == "waveform"}
         estimates |= {quantity: estimates[quantity].chosen(evidence.noises[quantity]) for quantity in shown}
     return Observed(estimates, outliers, nothing > something)
+
+
+def with_even_noise(problem: Problem, fit: Fit, report: Callable[[str], None]) -> tuple[Problem, dict[str, float]]:
+    """Return the problem with larger standard deviations where its noise is larger than under other conditions.
+
+    The stated standard deviations may be wrong, but by one factor. Only scatter about the lines between neighbours
+    counts, which missing effects hardly change; single values are as uncertain as waveforms. Also returns the factors.
+    """
+    (residual,), measured = problem.whitened([(fit.z, PLAIN)]), problem.forward.measured
+    uneven: dict[str, float] = {}
+    for quantity in dict.fromkeys(series.quantity for series in measured):
+        off = defaultdict[str, list[np.ndarray]](list)
+        for series, own in zip(measured, problem.forward.split(residual[None, :]), strict=True):
+            if series.quantity == quantity and series.time is not None and np.isfinite(own).all():
+                off[f"{quantity} under {series.condition}"].append(off_line(series.time, own[0])[1])
+        uneven |= larger_scatter({where: np.concatenate(each) for where, each in off.items()})
+    if not uneven:
+        return problem, {}
+    each = [f"{factor:.2g} times in {where}" for where, factor in uneven.items()]
+    report(f"noise over its stated size is larger than under other conditions: {', '.join(each)}")
+    even = [replace(s, sd=uneven.get(f"{s.quantity} under {s.condition}", 1.0) * s.sd) for s in measured]
+    forward = problem.forward
+    return with_time_steps(make_problem(forward.network, forward.conditions, even, problem.settings)), uneven
 
 
 def with_observed_noise(problem: Problem, observed: Observed, report: Callable[[str], None]) -> Problem:

@@ -43,7 +43,13 @@ from coronaryuq.discrepancy.selection.candidates import (
 from coronaryuq.discrepancy.selection.confirmation import confirm
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.forward_step import forward_step
-from coronaryuq.discrepancy.selection.observed_noise import OtherNoise, observe, watch, with_observed_noise
+from coronaryuq.discrepancy.selection.observed_noise import (
+    OtherNoise,
+    observe,
+    watch,
+    with_even_noise,
+    with_observed_noise,
+)
 from coronaryuq.discrepancy.selection.pair_step import pair_step
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
@@ -95,7 +101,9 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
     if problem.settings.noise == "stated":
         return search_without_confounder(_search, problem, seed, library, report)
     report("recalibrating, to see the noise")
-    observed = observe(problem, PLAIN, problem.calibrate(PLAIN))
+    fit = problem.calibrate(PLAIN)
+    problem, uneven = with_even_noise(problem, fit, report)
+    observed = observe(problem, PLAIN, problem.calibrate(PLAIN) if uneven else fit)
     for last in (*(False,) * (NOISE_ESTIMATES - 1), True):
         known = with_observed_noise(problem, observed, report)
         search = _search if last else partial(_search, watch=partial(watch, problem, observed))
@@ -112,7 +120,7 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
         if stated.named and stated.log_evidence > found.log_evidence:
             observed, found = observed.stated, stated
     noise, measured = most_probable(observed.estimates), problem.forward.measured
-    return replace(found, measured=measured, noise=noise, outliers=observed.outliers)
+    return replace(found, measured=measured, uneven=uneven, noise=noise, outliers=observed.outliers)
 
 
 def search_without_confounder(

@@ -18,6 +18,8 @@ Values = dict[str, np.ndarray]
 Channel = tuple[str, str]
 """Quantity and location of a reading."""
 Number = TypeVar("Number", float, np.ndarray)
+Z_90 = 1.6448536269514722
+"""Half-width of the central 90 % of a standard normal distribution."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,10 @@ class Parameter:
             return np.log(size / self.centre) / self.spread
         return (size - self.centre) / self.spread
 
+    def with_interval(self, z: float, sd: float) -> list[float]:
+        """Return the size at z, and at the ends of its 90 % interval if z has a standard deviation."""
+        return [float(self.from_standard(z + k * sd)) for k in (0.0, -Z_90, Z_90)]
+
     @property
     def prior(self) -> str:
         """Description of the prior in words."""
@@ -79,12 +85,17 @@ class Series:
     def channel(self) -> Channel:
         return self.quantity, self.location
 
-    def sampled(self, waves: np.ndarray, duration: float, late: np.ndarray) -> np.ndarray:
-        """Return the values (n, k) of a waveform read from waves (n, points) over a duration, each later by (n,), s."""
+    @property
+    def sample_times(self) -> np.ndarray:
+        """Times of the samples of a waveform; raises `ValueError` for another series."""
         if self.time is None:
             raise ValueError(f"{self.quantity} at {self.location} is not a waveform")
+        return self.time
+
+    def sampled(self, waves: np.ndarray, duration: float, late: np.ndarray) -> np.ndarray:
+        """Return the values (n, k) of a waveform read from waves (n, points) over a duration, each later by (n,), s."""
         if self.readings is None:
-            return interpolated(waves, duration, self.time, late, self.period)
+            return interpolated(waves, duration, self.sample_times, late, self.period)
         return self.readings.averaged(interpolated(waves, duration, self.readings.times, late, self.period))
 
 
