@@ -191,7 +191,7 @@ SEARCHES = {
         "Misfit on held-out measurements, with 90 % intervals: residuals divided by the standard deviation "
         "expected from noise and from the uncertainty of the fit.",
         "With the named effects about 1, as with the flexible discrepancy.",
-        "Well above 1, or the flexible one clearly lower.",
+        "Well above 1, or its interval above that of the flexible one.",
         "Something is missing that the library does not have: see the residuals.",
     ),
     "pairs": Caption(

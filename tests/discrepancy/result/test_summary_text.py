@@ -2,6 +2,7 @@
 
 from coronaryuq.discrepancy.result import summary_text
 from coronaryuq.discrepancy.result.phrases import overstated_sd_warning
+from coronaryuq.discrepancy.result.summary_text import DENSITY
 from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, NAMES, NOTHING, OTHER, UNLISTED
 
 
@@ -187,3 +188,16 @@ def test_where_nothing_is_worth_naming_the_nearest_effects_are_listed_without_wa
 def test_the_answer_comes_before_what_recalibration_moves_and_what_was_left_out():
     said = agreeing(False, [MOVED])
     assert said.index("nothing to explain") < said.index("Recalibration moves the coronary resistance")
+
+
+def test_a_held_out_density_that_hardly_differs_is_not_told_as_worse():
+    """A compliance named at 0.99 had been doubted for -3.8153 in place of -3.8143."""
+
+    def said(after):
+        gaps = {"before": {"misfit": 0.96, DENSITY: -3.8143}, "after": {"misfit": 0.96, DENSITY: after}}
+        gaps |= {"scheme": "held out", "conditions": ["x"], "p_held_out": 0.5}
+        answer = {"held_out": gaps, "remaining": {"p": 0.9}, "named": [{}], "facts": {"unexplained": False}}
+        return summary_text._remaining(answer | {"prior_conflicts_remaining": []}, ["x"])
+
+    assert "worse" not in said(-3.8153)
+    assert "worse with the named effects" in said(-3.84)
