@@ -1,7 +1,7 @@
 """The paragraph of a search says what its answer is."""
 
 from coronaryuq.discrepancy.result import summary_text
-from coronaryuq.discrepancy.result.phrases import overstated_sd_warning
+from coronaryuq.discrepancy.result.phrases import detectable_text, overstated_sd_warning
 from coronaryuq.discrepancy.result.summary_text import DENSITY
 from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, NAMES, NOTHING, OTHER, UNLISTED
 
@@ -127,7 +127,8 @@ def agreeing(alarm, conflicts=(), nothing=0.97):
     }
     gaps = {"before": {"misfit": 1.0}, "scheme": "held out", "conditions": ["pacing"], "p_held_out": 0.4}
     answer = {"facts": facts, "held_out": gaps, "global_test": {"p": 1e-9 if alarm else 0.3}, "consistent": True}
-    answer["detectable"] = {"signal": 6.0, "effects": ["inertance", "flow_gain"], "of": 29}
+    missed = ["haematocrit"] * 27
+    answer["detectable"] = {"signal": 6.0, "effects": ["inertance", "flow_gain"], "missed": missed, "of": 29}
     return summary_text.paragraph(
         answer | {"alarm": alarm, "uneven_noise": {}, "noise": {}, "outliers": [], "prior_conflicts": list(conflicts)}
     )
@@ -188,6 +189,14 @@ def test_where_nothing_is_worth_naming_the_nearest_effects_are_listed_without_wa
 def test_the_answer_comes_before_what_recalibration_moves_and_what_was_left_out():
     said = agreeing(False, [MOVED])
     assert said.index("nothing to explain") < said.index("Recalibration moves the coronary resistance")
+
+
+def test_the_effects_that_the_data_would_not_show_are_named_unless_they_are_many():
+    some = {"signal": 6.0, "effects": ["inertance"], "missed": ["haematocrit", "side_branch"], "of": 3}
+    assert "would show 1 of the 3 kinds" in detectable_text(some)
+    assert "see detectable.csv; not: haematocrit, side branch)." in detectable_text(some)
+    assert "see detectable.csv)." in detectable_text(some | {"missed": ["effect"] * 20, "of": 21})
+    assert "see detectable.csv)." in detectable_text(some | {"missed": [], "of": 1})
 
 
 def test_a_held_out_density_that_hardly_differs_is_not_told_as_worse():

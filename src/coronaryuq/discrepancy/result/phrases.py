@@ -18,8 +18,8 @@ WRONG_UNIT = 0.1
 """Size of the noise over the stated one below which the latter may be in another unit than the values."""
 UNPREDICTED = 0.001
 """p-value of the held-out data below which the text says that they are not predicted."""
-MOST_LISTED = 4
-"""Maximum number of nuisance parameters or samples listed in one sentence."""
+MOST_LISTED, MOST_MISSED = 4, 15
+"""Maximum number of nuisance parameters or samples, and of effects that the data would not show, in one sentence."""
 
 
 def noise_notes(noise: Mapping[str, Mapping]) -> str:
@@ -55,9 +55,8 @@ def outlier_notes(outliers: Sequence[Mapping]) -> str:
         samples.append(f"{len(outliers) - MOST_LISTED} more")
     if len(outliers) == 1:
         return f"One sample is an outlier and was left out: {samples[0]}. Check whether it is an artefact. "
-    return (
-        f"{len(outliers)} samples are outliers and were left out: {listed(samples)}. Check whether they are artefacts. "
-    )
+    left_out = f"{len(outliers)} samples are outliers and were left out: {listed(samples)}. "
+    return f"{left_out}Check whether they are artefacts. "
 
 
 def overstated_sd_warning(scatter: Mapping[str, Sequence[float]]) -> str:
@@ -65,19 +64,20 @@ def overstated_sd_warning(scatter: Mapping[str, Sequence[float]]) -> str:
     times = {name: np.sqrt(squares / expected) for name, (squares, expected) in scatter.items()}
     quiet = [name for name, size in times.items() if size <= QUIET and stats.chi2.cdf(*scatter[name]) <= UNLIKELY]
     sizes = listed([f"of the {name} are only {times[name]:.2g} times" for name in quiet])
-    warning = (
+    return (
         f" The residuals {sizes} as large as the stated standard deviations, which would hide a missing effect: check "
         "that these are correct and in the unit of the values."
-    )
-    return warning if quiet else ""
+    ) * bool(quiet)
 
 
 def detectable_text(detectable: Mapping) -> str:
     """State how many effects the data would show, with a typical size and at the place where they show most."""
-    count, of, signal = len(detectable["effects"]), detectable["of"], detectable["signal"]
+    count, missed = len(detectable["effects"]), [name.replace("_", " ") for name in detectable["missed"]]
+    but = f"; not: {', '.join(missed)}" * (0 < len(missed) <= MOST_MISSED)
     return (
-        f"At their typical sizes, these data would show {count or 'none'} of the {of} kinds of effect that this "
-        f"network can have (signals of at least {signal:.0f} noise standard deviations; see detectable.csv)."
+        f"At their typical sizes, these data would show {count or 'none'} of the {detectable['of']} kinds of effect "
+        "that this network can have (signals of at least "
+        f"{detectable['signal']:.0f} noise standard deviations; see detectable.csv{but})."
     )
 
 

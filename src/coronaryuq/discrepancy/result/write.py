@@ -78,10 +78,10 @@ def summary(found: Discovery) -> dict:
 
 
 def _shown_effects(candidates: list[Candidate]) -> dict:
-    """Count the effects that have a place in the network; list those that the fitted data would show."""
-    able = [c for c in candidates if c.effect.nameable]
-    shown = {c.effect.name for c in able if c.signal >= RULE.detectable_signal}
-    return {"signal": RULE.detectable_signal, "effects": sorted(shown), "of": len({c.effect.name for c in able})}
+    """Count the effects that have a place in the network; list those that the fitted data would show, and others."""
+    able, least = {c.effect.name for c in candidates if c.effect.nameable}, RULE.detectable_signal
+    shown = able & {c.effect.name for c in candidates if c.signal >= least}
+    return {"signal": least, "effects": sorted(shown), "missed": sorted(able - shown), "of": len(able)}
 
 
 def _wiring_error(found: Discovery, placed: PlacedEffect) -> dict:
