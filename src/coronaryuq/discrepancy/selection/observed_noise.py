@@ -90,11 +90,11 @@ def with_even_noise(problem: Problem, fit: Fit, report: Callable[[str], None]) -
         uneven |= larger_scatter({where: np.concatenate(each) for where, each in off.items()})
     if not uneven:
         return problem, {}
-    each = [f"{factor:.2g} times in {where}" for where, factor in uneven.items()]
-    report(f"noise over its stated size is larger than under other conditions: {', '.join(each)}")
-    even = [replace(s, sd=uneven.get(f"{s.quantity} under {s.condition}", 1.0) * s.sd) for s in measured]
-    forward = problem.forward
-    return with_time_steps(make_problem(forward.network, forward.conditions, even, problem.settings)), uneven
+    report(f"noise over its stated size is larger than under other conditions: {', '.join(uneven)}")
+    scaled = [replace(s, sd=uneven.get(f"{s.quantity} under {s.condition}", 1.0) * s.sd) for s in measured]
+    even = make_problem(problem.forward.network, problem.forward.conditions, scaled, problem.settings)
+    even.runs = problem.runs
+    return with_time_steps(even), uneven
 
 
 def with_observed_noise(problem: Problem, observed: Observed, report: Callable[[str], None]) -> Problem:
