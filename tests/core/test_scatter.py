@@ -72,4 +72,5 @@ def test_far_off_samples_are_found_worst_first_and_neighbours_are_not_blamed():
     values[10] += 30.0
     values[25] -= 50.0
     assert [sample for sample, _ in far_off(time, values, 6.0)] == [25, 10]
+    assert far_off(time[:2], values[:2], 6.0) == []
     assert far_off(time, values, 6.0)[0][1] < 0.0 < far_off(time, values, 6.0)[1][1]

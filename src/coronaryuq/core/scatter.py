@@ -53,13 +53,14 @@ def far_off(time: np.ndarray, values: np.ndarray, limit: float) -> list[tuple[in
         As `off` of `off_line`, over what is typical if that is larger than 1.
     """
     left, usual, found = np.array(values), max(1.0, typical(off_line(time, values)[1])), list[tuple[int, float]]()
-    while True:
+    while len(values) > 2:
         line, off = off_line(time, left)
         worst = int(np.argmax(np.abs(off)))
         if not abs(off[worst]) > limit * usual:
-            return found
+            break
         found.append((worst + 1, float(off[worst] / usual)))
         left[worst + 1] = line[worst]
+    return found
 
 
 def larger_scatter(off: Mapping[Group, np.ndarray]) -> dict[Group, float]:

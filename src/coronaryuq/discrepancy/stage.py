@@ -18,6 +18,7 @@ from coronaryuq.discrepancy.hidden.reference_gap import known_gap
 from coronaryuq.discrepancy.inference.noise import Noise
 from coronaryuq.discrepancy.inference.read_problem import read_problem, with_noise
 from coronaryuq.discrepancy.result.write import gap_row
+from coronaryuq.discrepancy.selection.observed_noise import with_uneven_noise
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.library import effect
@@ -95,8 +96,9 @@ def compare(
     settings = settings.model_copy(update={"threads": threads})
     conditions = read_conditions(case["conditions"])
     problem = read_problem(read_network(case["model"]), case["measurements"], conditions, case["conditions"], settings)
-    estimated = read_json(found["answer"], ("noise",))["noise"]
-    noise = {quantity: Noise(**values) for quantity, values in estimated.items()}
+    answer = read_json(found["answer"], ("noise", "uneven_noise"))
+    problem = with_uneven_noise(problem, answer["uneven_noise"])
+    noise = {quantity: Noise(**values) for quantity, values in answer["noise"].items()}
     hidden_truth = read_json(truth, ("effect", "place", "size_z"))
     hidden = effect(hidden_truth["effect"])
     hypothesis = Hypothesis((PlacedEffect(hidden, hidden_truth["place"]),))

@@ -122,7 +122,9 @@ def test_what_only_the_stated_noise_shows_is_named_if_it_is_likelier(monkeypatch
     noises = tuple(Alternative(Noise(own), 0.0) for own in (1.0, scale))
     observed = Observed({"flow": Estimate(noises[1].noise, noises)}, [], False)
     monkeypatch.setattr(search, "observe", lambda *given: observed)
-    monkeypatch.setattr(search, "with_observed_noise", lambda problem, found, report: most_probable(found.estimates))
+    monkeypatch.setattr(
+        search.observed_noise, "with_observed_noise", lambda problem, found, report: most_probable(found.estimates)
+    )
     monkeypatch.setattr(search, "_search", lambda noise, *given, **more: estimated if noise else stated)
     found = search.discover(estimated.problem, 1, LIBRARY)
     assert bool(found.named) is stands and bool(found.noise) is not stands

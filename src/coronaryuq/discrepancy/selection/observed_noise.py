@@ -1,7 +1,7 @@
 """Noise as the data show it: about the model alone, and again about the effects that are found with that noise."""
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,11 +74,11 @@ def observe(problem: Problem, hypothesis: Hypothesis, fit: Fit) -> Observed:
     return Observed(estimates, outliers, nothing > something)
 
 
-def with_even_noise(problem: Problem, fit: Fit, report: Callable[[str], None]) -> tuple[Problem, dict[str, float]]:
-    """Return the problem with larger standard deviations where its noise is larger than under other conditions.
+def uneven_noise(problem: Problem, fit: Fit) -> dict[str, float]:
+    """Return quantity and condition whose noise about a fit is larger than under other conditions, and how many times.
 
     The stated standard deviations may be wrong, but by one factor. Only scatter about the lines between neighbours
-    counts, which missing effects hardly change; single values are as uncertain as waveforms. Also returns the factors.
+    counts, which missing effects hardly change.
     """
     (residual,), measured = problem.whitened([(fit.z, PLAIN)]), problem.forward.measured
     uneven: dict[str, float] = {}
@@ -88,13 +88,16 @@ def with_even_noise(problem: Problem, fit: Fit, report: Callable[[str], None]) -
             if series.quantity == quantity and series.time is not None and np.isfinite(own).all():
                 off[f"{quantity} under {series.condition}"].append(off_line(series.time, own[0])[1])
         uneven |= larger_scatter({where: np.concatenate(each) for where, each in off.items()})
-    if not uneven:
-        return problem, {}
-    report(f"noise over its stated size is larger than under other conditions: {', '.join(uneven)}")
-    scaled = [replace(s, sd=uneven.get(f"{s.quantity} under {s.condition}", 1.0) * s.sd) for s in measured]
+    return uneven
+
+
+def with_uneven_noise(problem: Problem, uneven: Mapping[str, float]) -> Problem:
+    """Return the problem with standard deviations larger by factors; single values are as uncertain as waveforms."""
+    times = [uneven.get(f"{series.quantity} under {series.condition}", 1.0) for series in problem.forward.measured]
+    scaled = [replace(one, sd=factor * one.sd) for one, factor in zip(problem.forward.measured, times, strict=True)]
     even = make_problem(problem.forward.network, problem.forward.conditions, scaled, problem.settings)
     even.runs = problem.runs
-    return with_time_steps(even), uneven
+    return with_time_steps(even)
 
 
 def with_observed_noise(problem: Problem, observed: Observed, report: Callable[[str], None]) -> Problem:

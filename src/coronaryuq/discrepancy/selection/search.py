@@ -30,6 +30,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
 from coronaryuq.discrepancy.inference.noise import TOO_LOUD, most_probable
 from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.selection import observed_noise
 from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, OTHER, answer, beyond, without_effects
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import (
@@ -43,13 +44,7 @@ from coronaryuq.discrepancy.selection.candidates import (
 from coronaryuq.discrepancy.selection.confirmation import confirm
 from coronaryuq.discrepancy.selection.discovery import Discovery
 from coronaryuq.discrepancy.selection.forward_step import forward_step
-from coronaryuq.discrepancy.selection.observed_noise import (
-    OtherNoise,
-    observe,
-    watch,
-    with_even_noise,
-    with_observed_noise,
-)
+from coronaryuq.discrepancy.selection.observed_noise import OtherNoise, observe, watch
 from coronaryuq.discrepancy.selection.pair_step import pair_step
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
@@ -102,10 +97,13 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
         return search_without_confounder(_search, problem, seed, library, report)
     report("recalibrating, to see the noise")
     fit = problem.calibrate(PLAIN)
-    problem, uneven = with_even_noise(problem, fit, report)
-    observed = observe(problem, PLAIN, problem.calibrate(PLAIN) if uneven else fit)
+    if uneven := observed_noise.uneven_noise(problem, fit):
+        report(f"noise over its stated size is larger than under other conditions: {', '.join(uneven)}")
+        problem = observed_noise.with_uneven_noise(problem, uneven)
+        fit = problem.calibrate(PLAIN)
+    observed = observe(problem, PLAIN, fit)
     for last in (*(False,) * (NOISE_ESTIMATES - 1), True):
-        known = with_observed_noise(problem, observed, report)
+        known = observed_noise.with_observed_noise(problem, observed, report)
         search = _search if last else partial(_search, watch=partial(watch, problem, observed))
         try:
             found = search_without_confounder(search, known, seed, library, report)
@@ -115,7 +113,7 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
             report(f"given {_listed(other.hypothesis)}, the noise is another: searching again with it")
     if any(estimate.scale > TOO_LOUD for estimate in observed.estimates.values()):
         report("so much noise may be none: searching with the stated noise as well")
-        known = with_observed_noise(problem, observed.stated, report)
+        known = observed_noise.with_observed_noise(problem, observed.stated, report)
         stated = search_without_confounder(_search, known, seed, library, report)
         if stated.named and stated.log_evidence > found.log_evidence:
             observed, found = observed.stated, stated
