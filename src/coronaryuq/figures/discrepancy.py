@@ -74,7 +74,8 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
     for root in children.get("", []):
         leaves = place_subtree(root, 0, leaves)
     worst = dict(zip(frame.vessel, frame.disagreement, strict=True))
-    norm = Normalize(0.0, max(4.0, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
+    # So that what is likely by chance is pale.
+    norm = Normalize(0.0, max(3.0 * BY_CHANCE, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
     colours = colormaps["viridis_r"]
     parents = dict(zip(frame.vessel, frame.parent, strict=True))
     named = {row.vessel: row.named.split("; ") for row in frame.itertuples() if isinstance(row.named, str)}

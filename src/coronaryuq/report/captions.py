@@ -142,7 +142,7 @@ SEARCHES = {
         "Misfit along the tree",
         "The arterial tree from left to right, coloured by the largest misfit after recalibration. Diamonds: "
         "named effects, on the vessel or at the bed where they act.",
-        "All vessels pale: up to about 3 is chance.",
+        "All vessels pale: up to about 3, the white line of the colour bar, is chance.",
         "A vessel much darker than the others.",
         "See which effect is named: it may act elsewhere. Without one, check that instrument and its noise.",
     ),
