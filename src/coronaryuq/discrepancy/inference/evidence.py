@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.special import log_softmax, logsumexp
+from scipy.special import log_softmax
 
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
@@ -56,6 +56,7 @@ class PossibleNoise:
     shapes: np.ndarray
 
 
+_log_sum = np.logaddexp.reduce
 LEAST = 3.0
 """Typical size of something else in single values alone, in their standard deviations; less would look like noise."""
 Where = tuple[str, str, str]
@@ -197,11 +198,10 @@ class Part:
 class _Seen:
     """A part of something else under one noise.
 
-    rows: see `Part`; directions: of it (n, k); explained: fraction of the variance along each that is its, by amplitude
+    directions: of it (n, k); explained: fraction of the variance along each that is its, by amplitude
     (T, k); log_determinants: of the covariance, over that without it (T,).
     """
 
-    rows: np.ndarray
     directions: np.ndarray
     explained: np.ndarray
     log_determinants: np.ndarray
@@ -215,11 +215,7 @@ class _Seen:
         kept = squares > 1e-9 * max(float(squares.max(initial=0.0)), 1e-300)
         spread = np.multiply.outer(AMPLITUDES**2, squares[kept])
         directions = whitened @ vectors[:, kept] / np.sqrt(squares[kept])
-        return cls(rows, directions, spread / (1.0 + spread), np.log1p(spread).sum(axis=1))
-
-    def along(self, whitened: np.ndarray) -> np.ndarray:
-        """Return the components of whitened vectors (M, m) along its directions: (k, m)."""
-        return self.directions.T @ whitened[self.rows]
+        return cls(directions, spread / (1.0 + spread), np.log1p(spread).sum(axis=1))
 
 
 class Evidence:
@@ -238,11 +234,12 @@ class Evidence:
     def __init__(self, data: Data, vectors: np.ndarray, lacking: float):
         self._data, self._lacking = data, lacking
         self._whitened = {name: [one.whitened(vectors) for one in noises] for name, noises in data.noises.items()}
+        self._known: dict[tuple[int, int], np.ndarray] = {}
 
     @cached_property
     def right(self) -> float:
         """Of the model as right, within its own error."""
-        return float(logsumexp(self._right))
+        return float(_log_sum(self._right, axis=None))
 
     @cached_property
     def _right(self) -> np.ndarray:
@@ -253,13 +250,13 @@ class Evidence:
     def noises(self) -> dict[str, int]:
         """Number of the most probable noise of each quantity, if the model is right."""
         axes = range(self._right.ndim)
-        by_quantity = [logsumexp(self._right, axis=tuple(k for k in axes if k != own)) for own in axes]
+        by_quantity = [_log_sum(self._right, axis=tuple(k for k in axes if k != own)) for own in axes]
         return {name: int(np.argmax(own)) for name, own in zip(self._data.names, by_quantity, strict=True)}
 
     @property
     def unknown(self) -> float:
         """Of the model together with something else."""
-        return float(logsumexp(list(self.shown.values())))
+        return float(_log_sum(list(self.shown.values())))
 
     @cached_property
     def shown(self) -> dict[Where, float]:
@@ -267,7 +264,7 @@ class Evidence:
         forms, found = self._data.forms, dict[Where, float]()
         for form in forms:
             for where, parts in form.items():
-                own = float(logsumexp(self._by_noise(parts, UNKNOWN))) - np.log(len(forms) * len(form))
+                own = float(_log_sum(self._by_noise(parts, UNKNOWN), axis=None)) - np.log(len(forms) * len(form))
                 found[where] = float(np.logaddexp(found.get(where, -np.inf), own))
         return found
 
@@ -281,13 +278,18 @@ class Evidence:
         for numbers in np.ndindex(*(found.shape[axis] for axis in axes)):
             here = tuple(numbers[axes.index(k)] if k in axes else slice(None) for k in range(found.ndim))
             noise = dict(zip(names, numbers, strict=True))
-            seen = [(part.seen[noise[part.name]], self._whitened[part.name][noise[part.name]]) for part in parts]
-            along = np.vstack([one.along(own) for one, own in seen])
-            explained = np.hstack([one.explained[possible] for one, _ in seen])
-            determinants = sum(one.log_determinants[possible] for one, _ in seen)
-            disturbed = self._base.disturbed(here, along, explained) - 0.5 * determinants
-            found[here] = logsumexp(disturbed + prior[possible], axis=-1)
+            seen = [part.seen[noise[part.name]] for part in parts]
+            along = np.vstack([self._along(part, noise[part.name]) for part in parts])
+            explained = np.hstack([one.explained[possible] for one in seen])
+            log_prior = prior[possible] - 0.5 * sum(one.log_determinants[possible] for one in seen)
+            found[here] = _log_sum(self._base.disturbed(here, along, explained) + log_prior, axis=-1)
         return found + self._data.log_priors - self._lacking
+
+    def _along(self, part: Part, number: int) -> np.ndarray:
+        """Return the components of the vectors along the directions of a part under a noise: (k, m)."""
+        if (key := (id(part), number)) not in self._known:
+            self._known[key] = part.seen[number].directions.T @ self._whitened[part.name][number][part.rows]
+        return self._known[key]
 
     @cached_property
     def _base(self) -> "_Undisturbed":
@@ -320,9 +322,7 @@ class _Undisturbed:
         pivots = np.diagonal(self.factor[here], axis1=-2, axis2=-1)[..., None, :]
         shares, more, kept = np.sqrt(explained), np.zeros(()), np.ones(())
         if len(along) > len(along.T):
-            changed = self.products[here][..., None, :, :] - np.array(
-                [(along.T * share) @ along for share in explained]
-            )
+            changed = self.products[here][..., None, :, :] - (along.T * explained[:, None, :]) @ along
             pivots = np.diagonal(np.linalg.cholesky(changed), axis1=-2, axis2=-1)
         else:
             # By the matrix determinant lemma, for M and for its part without the residual; the last pivot of the inner
