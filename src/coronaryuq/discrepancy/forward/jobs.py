@@ -131,10 +131,10 @@ def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
         factors = np.array([jobs[number].factors for number in numbers])
         for name, columns in scaled[condition].items():
             added = values[name][numbers] - prepared.own(condition, name) if _adds(name) else 0.0
-            values[name][numbers] -= added
+            own = values[name][numbers] - added
             for column in columns:
-                values[name][numbers] *= factors[:, column]
-            values[name][numbers] += added
+                own = own * factors[:, column]
+            values[name][numbers] = own + added
     return values
 
 
