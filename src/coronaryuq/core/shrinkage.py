@@ -1,6 +1,7 @@
 """Normal distribution of a fresh draw of many values, from few draws."""
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 FOLDS = 8
 """Parts into which the draws are divided to compare the shares."""
@@ -43,7 +44,7 @@ def _log_density(draws: np.ndarray, fold: int, share: float) -> float:
     width = np.hypot(1.0, sd)
     missing, shapes = (draws[own] - mean) / width, shapes / width
     factor = np.linalg.cholesky(np.eye(len(shapes)) + shapes @ shapes.T)
-    explained = [np.linalg.solve(factor, shapes @ of.T) for of in (missing, np.diag(1.0 / width))]
+    explained = [solve_triangular(factor, of, lower=True) for of in (shapes @ missing.T, shapes * (1.0 / width))]
     squares, expected = (
         np.sum(of**2) - np.sum(by**2) for of, by in zip((missing, 1.0 / width), explained, strict=True)
     )
