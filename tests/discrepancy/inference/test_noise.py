@@ -282,7 +282,7 @@ def test_a_strong_effect_outside_the_library_is_not_noise(tmp_path, seed):
 @pytest.mark.long
 def test_what_a_named_effect_explains_is_not_taken_for_noise(tmp_path):
     """A probe in the wrong place reads another waveform, whose sharp features look like noise of six times the size."""
-    truth, _ = hide(Case(("misplaced_flow",), "medium", "nominal", 20005), closed_loop(loop()), tmp_path, NATURE)
+    truth, _ = hide(Case(("misplaced_flow",), "medium", "nominal", 20009), closed_loop(loop()), tmp_path, NATURE)
     found = searched(tmp_path)
     assert in_first_class(truth, found) and not found.noise
 

@@ -9,7 +9,7 @@ from scipy import stats
 from coronaryuq.bench.discrepancy.benchmark import NATURE
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import closed_loop, open_loop
-from coronaryuq.bench.discrepancy.trial import analyse, hide
+from coronaryuq.bench.discrepancy.trial import analyse, hide, read_case
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
@@ -143,9 +143,10 @@ def test_the_most_probable_answer_is_given_whatever_the_global_test_says(tmp_pat
 
 @pytest.mark.long
 def test_a_first_effect_that_is_likelier_than_none_is_weighed_by_all_data(tmp_path):
-    """Fitted data make exchanged probes hardly likelier than nothing; all data agree that they are exchanged."""
-    hide(Case(("exchanged_pressures",), "medium", "nominal", 71074), open_loop(), tmp_path, NATURE)
-    found = analyse(tmp_path)
+    """Fitted data make exchanged probes less likely than a further effect has to be; all agree that they are."""
+    hide(Case(("exchanged_pressures",), "medium", "nominal", 71062), open_loop(), tmp_path, NATURE)
+    problem = read_case(tmp_path)
+    found = search.discover(replace(problem, settings=problem.settings.model_copy(update={"min_log_odds": 8.0})), 1)
     gain = found.rounds[0].accepted.log_weight - found.base.evidence
     assert 0.0 < gain < found.problem.settings.min_log_odds
     assert [placed.effect.name for placed in found.hypothesis] == ["exchanged_pressures"]
