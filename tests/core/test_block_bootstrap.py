@@ -9,7 +9,7 @@ TRIALS, BLOCKS = 400, 60
 
 
 def test_the_interval_of_a_root_mean_square_covers_it_in_nine_of_ten_trials():
-    """Values are the same within a block; a bootstrap of single values would cover in six of ten."""
+    """Values are the same within a block; a bootstrap of single values covers in half of them."""
     random, covered = np.random.default_rng(0), 0
     blocks = np.repeat(np.arange(BLOCKS), 5)
     for _ in range(TRIALS):

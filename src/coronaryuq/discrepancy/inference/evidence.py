@@ -56,6 +56,7 @@ class PossibleNoise:
     shapes: np.ndarray
 
 
+# scipy's logsumexp takes longer than the few amplitudes whose sum it is called for.
 _log_sum = np.logaddexp.reduce
 LEAST = 3.0
 """Typical size of something else in single values alone, in their standard deviations; less would look like noise."""
@@ -198,8 +199,8 @@ class Part:
 class _Seen:
     """A part of something else under one noise.
 
-    directions: of it (n, k); explained: fraction of the variance along each that is its, by amplitude
-    (T, k); log_determinants: of the covariance, over that without it (T,).
+    directions: of it (n, k); explained: fraction of the variance along each that is its, by amplitude (T, k);
+    log_determinants: of the covariance, over that without it (T,).
     """
 
     directions: np.ndarray
@@ -234,7 +235,7 @@ class Evidence:
     def __init__(self, data: Data, vectors: np.ndarray, lacking: float):
         self._data, self._lacking = data, lacking
         self._whitened = {name: [one.whitened(vectors) for one in noises] for name, noises in data.noises.items()}
-        self._known: dict[tuple[int, int], np.ndarray] = {}
+        self._known: dict[tuple[Part, int], np.ndarray] = {}
 
     @cached_property
     def right(self) -> float:
@@ -287,7 +288,7 @@ class Evidence:
 
     def _along(self, part: Part, number: int) -> np.ndarray:
         """Return the components of the vectors along the directions of a part under a noise: (k, m)."""
-        if (key := (id(part), number)) not in self._known:
+        if (key := (part, number)) not in self._known:
             self._known[key] = part.seen[number].directions.T @ self._whitened[part.name][number][part.rows]
         return self._known[key]
 

@@ -36,7 +36,7 @@ MISTYPED = {"perfusion": 1e4}
 """Largest plausible ratio of a measured value to the largest simulated value; 50 for other quantities."""
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 8.0, "volume": 20.0}
 """Largest plausible ratio of all mean measured values to the simulated ones; kPa and mmHg differ by a factor of 7.5,
-L/min and mL/s by 16.7. A single flow may be one of a much larger vessel."""
+L/min and mL/s by 16.7, of which half is left to a model that is off. A single flow may be that of a larger vessel."""
 LEAST_MEAN = 0.05
 """Smallest simulated mean, over the largest value of the quantity, that a ratio is taken to."""
 LEAST_WHITE = 0.1

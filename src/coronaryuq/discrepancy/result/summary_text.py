@@ -20,7 +20,7 @@ NEAREST, LEAST_SHARE = 3, 0.1
 SURE = 0.9
 """Probability from which a statement has no "probably"."""
 DENSITY, WORSE = "log_predictive_density_per_row", 0.01
-"""Nats per row by which it is worse from where that is worth a sentence; a few hundred rows make it a factor of ten."""
+"""Nats per row by which it is worse from where that is worth a sentence: a factor of twenty over 300 rows."""
 
 
 def write_paragraph(answer_json: str | Path, paragraph_txt: str | Path) -> str:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from coronaryuq.case.network.network import Network
+from coronaryuq.core.harmonics import fourier_basis
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Parameter, Series, Values
 from coronaryuq.zerod.effects.grafting import add_vessel, attach, grafted_name, locations_renamed, open_end
@@ -17,8 +18,7 @@ TAG = "source"
 
 def basis(phase: np.ndarray) -> np.ndarray:
     """Return the shapes (1 + 2 `HARMONICS`, n) of a waveform at phases (n,) of the beat: mean, cosines, sines."""
-    angles = 2.0 * np.pi * np.multiply.outer(np.arange(1, HARMONICS + 1), phase)
-    return np.concatenate([np.ones((1, len(phase))), np.cos(angles), np.sin(angles)])
+    return np.ascontiguousarray(fourier_basis(phase, HARMONICS).T)
 
 
 def spread() -> np.ndarray:
