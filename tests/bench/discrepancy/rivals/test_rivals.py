@@ -60,13 +60,13 @@ def test_an_easy_effect_is_named_and_nothing_where_nothing_is_hidden(rival, easy
 
 @pytest.mark.long
 def test_the_classifier_learns_from_other_seeds(subjects, easy):
-    """With 16 subjects 0.97 of cases with nothing hidden are answered "nothing", with four 0.86: 17 of 20, sd 1.6."""
+    """With four subjects, 80 of 80 cases with nothing hidden were "nothing": at least 0.96, so 16 of 20 at least."""
     *batches, held_back = subjects
     labels = [case.label for batch in batches for case in batch]
     assert labels.count(NONE) == 80 and OTHER in labels and len(set(labels)) > 80
     rival, extract = Classifier.trained(batches), Features(held_back[0].problem)
     answers = [(case.label, decided(rival.votes(extract(case.fit)))) for case in held_back]
-    assert sum(answer == NONE for hidden, answer in answers if hidden == NONE) >= 12
+    assert sum(answer == NONE for hidden, answer in answers if hidden == NONE) >= 16
     assert sum(answer == NONE for hidden, answer in answers if hidden != NONE) <= 6, "0.01 of ninety"
     seen, hidden = easy
     found = rival.answer(seen)

@@ -15,6 +15,9 @@ from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import all_candidates
 
 TREES = 500
+TRIED = 0.2
+"""Share of the features that are tried at each split: few of them tell nothing from something, so that with the usual
+square root of their number hardly a split has one of these."""
 PRIOR = {NONE: RULE.prior_none, OTHER: RULE.prior_outside}
 """Weights of the two groups of cases without a name; the rest is shared by the effects, as in the search."""
 
@@ -24,14 +27,15 @@ class Classifier:
 
     The most probable of the three answers is given: nothing, something else, or the effect at a place with most votes,
     where all effects together have more than either. That effect is fitted in full beside its lookalikes. Source:
-    Geurts, Ernst & Wehenkel, Machine Learning 63 (2006) 3. Of training cases held back, their first name was right in
-    0.76, that of a random forest in 0.70, of nearest neighbours in 0.74.
+    Geurts, Ernst & Wehenkel, Machine Learning 63 (2006) 3. Of cases of eight subjects held back in turn, with four
+    others to learn from, 80 of 80 with nothing hidden are answered so, and 193 of 394 effects are named right, with
+    their places.
     """
 
     name = "classifier (extremely randomised trees)"
 
     def __init__(self, features: np.ndarray, labels: list[str]):
-        self.trees = ExtraTreesClassifier(TREES, random_state=0)
+        self.trees = ExtraTreesClassifier(TREES, max_features=TRIED, random_state=0)
         self.trees.fit(features, labels, sample_weight=_weights(labels))
 
     @classmethod

@@ -14,7 +14,7 @@ from coronaryuq.discrepancy.hidden.make_case import Subject, draw_subject
 from coronaryuq.discrepancy.hidden.nature import Nature
 from coronaryuq.discrepancy.inference.gauss_newton import Fit, Search, maximise
 from coronaryuq.discrepancy.inference.problem import Problem
-from coronaryuq.discrepancy.inference.read_problem import make_problem
+from coronaryuq.discrepancy.inference.read_problem import make_problem, with_time_steps
 from coronaryuq.discrepancy.selection.candidates import Candidate, all_candidates
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
@@ -67,7 +67,7 @@ def _model(experiment: BenchmarkExperiment, subject: Subject, plain: np.ndarray)
         replace(one, value=value[0], sd=np.full(value.shape[1], sd))
         for one, value, sd in zip(blank, values, deviations, strict=True)
     ]
-    return make_problem(experiment.network, experiment.conditions, measured, Settings())
+    return with_time_steps(make_problem(experiment.network, experiment.conditions, measured, Settings()))
 
 
 def _inside(
