@@ -174,23 +174,12 @@ def _described(members: Sequence[Placed], refused: Mapping[str, str], source: st
     for one in members:
         rows.append(
             {
-                "effect": one.effect, "place": one.place, "probability": one.probability, "sizes": _sizes(one),
+                "effect": one.effect, "place": one.place, "probability": one.probability,
+                "sizes": effect(one.effect).with_intervals(one.mean, one.covariance),
                 "refused": refused.get(one.label, ""), "measurement": one.measurement,
             }
         )  # fmt: skip
     return {"members": rows, "source": source}
-
-
-def _sizes(one: Placed) -> list[dict[str, Any]]:
-    found = []
-    for j, parameter in enumerate(effect(one.effect).parameters):
-        sd = float(np.sqrt(one.covariance[j][j]))
-        value, low, high = parameter.with_interval(one.mean[j], sd)
-        found.append(
-            {"name": parameter.name, "meaning": parameter.meaning, "unit": parameter.unit, "value": value,
-             "low": low, "high": high}
-        )  # fmt: skip
-    return found
 
 
 def _summary(choice: Choice, classes: list[dict[str, Any]], answer: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from coronaryuq.core.errors import InputError
@@ -23,7 +22,6 @@ from coronaryuq.discrepancy.selection.shared_device import (
     shared_devices,
 )
 from coronaryuq.discrepancy.settings import Settings
-from coronaryuq.zerod.effects.base import Effect
 
 
 @threadpool_limits.wrap(limits=1)
@@ -84,20 +82,10 @@ def _described(answer: DeviceAnswer) -> dict[str, Any]:
 def _error(one: SharedError) -> dict[str, Any]:
     return {
         "effect": one.effect.name,
-        "sizes": _sizes(one.effect, one.mean, one.covariance),
-        "each": {name: _sizes(one.effect, own.mean, own.covariance) for name, own in one.each.items()},
+        "sizes": one.effect.with_intervals(one.mean, one.covariance),
+        "each": {name: one.effect.with_intervals(own.mean, own.covariance) for name, own in one.each.items()},
         "agreement_p": one.agreement,
     }
-
-
-def _sizes(effect: Effect, mean: np.ndarray, covariance: np.ndarray) -> list[dict[str, Any]]:
-    """Return every size with its 90 % interval."""
-    spread = np.sqrt(np.diag(covariance))
-    return [
-        {"name": one.name, "meaning": one.meaning, "unit": one.unit}
-        | dict(zip(("value", "low", "high"), one.with_interval(mean[j], spread[j]), strict=True))
-        for j, one in enumerate(effect.parameters)
-    ]
 
 
 def in_words(device: dict[str, Any]) -> str:
@@ -111,7 +99,7 @@ def in_words(device: dict[str, Any]) -> str:
         leading = f" Of the listed errors, {_sized(device['errors'][0])}, would suit best." if device["errors"] else ""
         return f"{read}: something else is missing in these recordings (probability {probability:.2f}).{leading}"
     if name == SEPARATE:
-        return f"{read}: errors of each recording explain more than one of all (probability {probability:.2f})."
+        return f"{read}: separate errors in each recording, not one shared error (probability {probability:.2f})."
     error = next(one for one in device["errors"] if one["effect"] == name)
     each = [f"{recording} {', '.join(map(_in_unit, own))}" for recording, own in error["each"].items()]
     return (
@@ -122,7 +110,7 @@ def in_words(device: dict[str, Any]) -> str:
 
 def _sized(error: dict[str, Any]) -> str:
     sizes = ", ".join(f"{one['name'].replace('_', ' ')} {_in_unit(one)}" for one in error["sizes"])
-    return f"{error['effect'].replace('_', ' ')} with {sizes} in 90 %"
+    return f"{error['effect'].replace('_', ' ')} with {sizes} (90 % intervals)"
 
 
 def _in_unit(size: dict[str, Any]) -> str:

@@ -29,3 +29,12 @@ def test_physical_sizes_have_the_units_of_their_parameters():
     first, _ = TWO_SIZES.effect.parameters
     sizes, _ = BOTH.physical_sizes(Z)
     assert sizes[first.name] == pytest.approx(float(first.from_standard(2.0)))
+
+
+def test_another_instrument_does_not_share_a_measurement_error():
+    """A new reading shows only the part of a hypothesis that concerns the patient."""
+    offset, loss = ("pressure_offset", "a:b"), ("stenosis_with_viscous_loss", "a")
+    z, hypothesis = assume(offset, loss).without_measurement_errors(np.arange(5.0))
+    assert z.tolist() == [0.0, 1.0, 3.0, 4.0] and hypothesis == assume(loss)
+    z, hypothesis = assume(offset).without_measurement_errors(np.arange(3.0))
+    assert z.tolist() == [0.0, 1.0] and hypothesis == assume()

@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from coronaryuq.core import units
+from coronaryuq.core.expected_information import information
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.selection.candidates import Round
@@ -19,8 +19,6 @@ LEAST_FLOW = 1e-6
 """Smallest flow, mL/s, of which a flow's standard deviation is a fraction."""
 BEST = 3
 """Maximum number of measurements that are returned."""
-NODES = 40
-"""Nodes of the quadrature over the reading."""
 
 
 def next_measurements(discovery: Discovery, entry: Round) -> list[dict]:
@@ -67,21 +65,6 @@ def next_measurements(discovery: Discovery, entry: Round) -> list[dict]:
         }
         for i in order
     ]
-
-
-def information(predicted: np.ndarray) -> np.ndarray:
-    """Return the expected information (nats, (n,)) on which of m equally likely predictions (m, n) is true.
-
-    Of Gaussian measurements with unit noise: log m at most, (a - b)^2 / 8 for two close ones (Lindley 1956). By
-    Gauss-Hermite quadrature.
-    """
-    nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
-    gained = np.zeros(predicted.shape[1])
-    for true in predicted:
-        read = true + nodes[:, None]
-        behind = 0.5 * (nodes[:, None] ** 2 - (read[None] - predicted[:, None, :]) ** 2)
-        gained += weights @ (np.log(len(predicted)) - logsumexp(behind, axis=0))
-    return gained / len(predicted) / weights.sum()
 
 
 def _feasible(forward: Forward) -> list[Measured]:

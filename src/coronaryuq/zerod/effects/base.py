@@ -4,9 +4,10 @@ import inspect
 from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal, TypeVar
+from typing import Any, ClassVar, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.interpolation import interpolated
@@ -301,6 +302,15 @@ class Effect(ABC):
     def describe(self, parameter: Parameter, size: float, anatomy: Anatomy) -> tuple[str, float]:
         """Return the description of a size in this network, and its value in these terms."""
         return parameter.meaning, size
+
+    def with_intervals(self, mean: ArrayLike, covariance: ArrayLike) -> list[dict[str, Any]]:
+        """Return name, meaning and unit of every size, its value at the mean (k,) of z, and its 90 % interval."""
+        sd = np.sqrt(np.diag(np.asarray(covariance)))
+        each = zip(self.parameters, map(Parameter.with_interval, self.parameters, np.asarray(mean), sd), strict=True)
+        return [
+            {"name": one.name, "meaning": one.meaning, "unit": one.unit, "value": value, "low": low, "high": high}
+            for one, (value, low, high) in each
+        ]
 
     def assumption(self, anatomy: Anatomy, covariates: list[dict]) -> str:
         """Return a sentence on the waveform assumed where no measured one is given, or an empty string."""

@@ -1,11 +1,10 @@
-"""Expected information of a measurement on which candidate of a class is true, against its known limits."""
+"""Expected information of a measurement on which prediction is true, against its known limits."""
 
 import numpy as np
 import pytest
 
+from coronaryuq.core.expected_information import information
 from coronaryuq.core.seeds import generator
-from coronaryuq.discrepancy.selection.next_measurement import information
-from support.hypotheses import assume
 
 
 def test_information_has_its_known_limits_for_distant_and_for_close_predictions():
@@ -25,12 +24,3 @@ def test_information_in_between_agrees_with_sampling():
     gained = np.log(density[true, np.arange(len(true))] / density.mean(axis=0))
     error = gained.std() / np.sqrt(len(gained))
     assert information(predicted[:, None])[0] == pytest.approx(gained.mean(), abs=4.0 * error)
-
-
-def test_another_instrument_does_not_share_a_measurement_error():
-    """A new reading shows only the part of a hypothesis that concerns the patient."""
-    offset, loss = ("pressure_offset", "a:b"), ("stenosis_with_viscous_loss", "a")
-    z, hypothesis = assume(offset, loss).without_measurement_errors(np.arange(5.0))
-    assert z.tolist() == [0.0, 1.0, 3.0, 4.0] and hypothesis == assume(loss)
-    z, hypothesis = assume(offset).without_measurement_errors(np.arange(3.0))
-    assert z.tolist() == [0.0, 1.0] and hypothesis == assume()
