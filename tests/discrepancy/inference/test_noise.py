@@ -197,7 +197,8 @@ def test_correlated_noise_does_not_depend_on_where_a_beat_is_cut(cut, correlatio
 
 def test_the_evidence_of_a_right_model_shows_how_long_noise_lasts():
     """In 50 trials, of six waveforms, more precisely than their scatter beyond the first harmonics alone."""
-    random, lasting, errors = np.random.default_rng(8), -PERIOD / SAMPLES / np.log(0.5), []
+    random, lasting = np.random.default_rng(8), -PERIOD / SAMPLES / np.log(0.5)
+    scatter, evidence = list[float](), list[float]()
     for _ in range(50):
         noise = np.array([1.4 * correlated_noise(random, series(k).time, lasting) for k in range(SERIES)])
         problem = series_problem([replace(series(k), value=np.full(SAMPLES, 50.0)) for k in range(SERIES)])
@@ -205,11 +206,22 @@ def test_the_evidence_of_a_right_model_shows_how_long_noise_lasts():
         problem.noises = possible_noises(problem, {"flow": replace(estimate, noise=None)}, [])
         found = problem.all_data.evidence(noise.ravel(), np.zeros((noise.size, 0)))
         by_evidence = estimate.chosen(found.noises["flow"])
-        errors.append([np.log(one.noise.correlation_time / lasting) for one in (estimate, by_evidence)])
+        for one, errors in ((estimate, scatter), (by_evidence, evidence)):
+            errors += [np.log(one.noise.correlation_time / lasting)] if one.noise else []
         assert by_evidence.alternatives == estimate.alternatives
-    by_scatter, by_evidence = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert len(evidence) == 50 and len(scatter) >= 40, "the scatter alone does not always show that it lasts"
+    by_scatter, by_evidence = (np.sqrt(np.mean(np.square(errors))) for errors in (scatter, evidence))
     # Neighbours of the true correlation differ by 0.3 to 0.4 in the log of the time.
     assert by_evidence < 0.25 and by_evidence < 0.5 * by_scatter, (by_evidence, by_scatter)
+
+
+def test_waveforms_with_the_stated_noise_rarely_show_another():
+    """The scale of another is integrated over, so its best value alone is no evidence: chi^2 of about 6, 1 in 100."""
+    random, trials, others = np.random.default_rng(9), 400, 0
+    problem = series_problem([replace(series(k), value=np.full(SAMPLES, 50.0)) for k in range(SERIES)])
+    for _ in range(trials):
+        others += noise_estimates(problem, random.standard_normal(SERIES * SAMPLES))["flow"].noise is not None
+    assert others < 0.01 * trials + 4.0 * np.sqrt(0.01 * trials), others
 
 
 @given(st.floats(0.5, 5.0), st.floats(0.5, 5.0))

@@ -174,7 +174,9 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     # Each waveform has a scale of its own in its likelihood; their common one has a prior.
     free = known * len(waveforms) * np.median(fits[:, :, 1] - fits[0, :, 1], axis=1)
     scales = 0.5 * np.log(squares)
-    by_scale = -np.abs(scales) / np.where(scales > 0.0, LARGER_BY, SMALLER_BY)
+    # The likelihood, normal about the best scale, times the prior density there, is integrated over all scales.
+    width = np.sqrt(np.pi / (known * freedom))
+    by_scale = np.log(width / (LARGER_BY + SMALLER_BY)) - np.abs(scales) / np.where(scales > 0, LARGER_BY, SMALLER_BY)
     free += by_scale
     stated = np.log(AS_STATED) - 0.5 * known * freedom * (squares[0] - 1.0 - np.log(squares[0]))
     white = np.log(OTHER) + free[0]
