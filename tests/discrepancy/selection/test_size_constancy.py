@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy import stats
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
@@ -61,12 +61,29 @@ def test_the_odds_are_those_of_two_gaussian_densities():
 def test_sizes_are_those_of_the_wider_model():
     g, y = case(generator(2, "test", "constancy"), (2.0, 0.0, -2.0))
     wide = np.hstack([g, apart(g)])
-    covariance = np.linalg.inv(np.eye(wide.shape[1]) + wide.T @ wide)
-    mean = covariance @ wide.T @ y
+    features = gp_discrepancy.features(linear_problem(np.zeros((60, NUISANCES)), {}, y, CONDITIONS))
+    weights, means, covariances = [], [], []
+    for amplitude, prior in zip(AMPLITUDES, RIGHT, strict=True):
+        noise = np.eye(60) + amplitude**2 * features @ features.T
+        covariances.append(np.linalg.inv(np.eye(wide.shape[1]) + wide.T @ np.linalg.solve(noise, wide)))
+        means.append(covariances[-1] @ wide.T @ np.linalg.solve(noise, y))
+        weights.append(prior + stats.multivariate_normal(np.zeros(60), noise + wide @ wide.T).logpdf(y))
+    weights = softmax(weights)
+    mean = weights @ means
+    covariance = np.einsum("t,tij->ij", weights, covariances) + np.cov(np.array(means).T, aweights=weights, ddof=0)
     for number, (found, sd) in enumerate(judged(g, y).sizes.values()):
         both = [NUISANCES, NUISANCES + 1 + number]
         assert found == pytest.approx(mean[both].sum())
         assert sd == pytest.approx(np.sqrt(covariance[np.ix_(both, both)].sum()))
+
+
+def test_sizes_of_a_narrow_prior_differ_by_a_factor_as_in_the_odds():
+    """A positive size of which the prior allows 10 % may differ by a factor of two: 7 of its standard deviations."""
+    g, y = case(generator(4, "test", "constancy"), (2.0, 0.0, -2.0))
+    narrow = assume((made_up("made up", Parameter("size", "-", "lognormal", 1.0, 0.1, "made up")), "here"))
+    y = y + 20.0 * apart(g)[:, 0]
+    found, (size, sd) = judged(g, y, hypothesis=narrow), judged(g, y, hypothesis=narrow).sizes["rest"]
+    assert size == pytest.approx(22.0, abs=4.0 * sd) and sd < 0.5 and found.log_odds > 100.0
 
 
 @pytest.mark.slow

@@ -11,11 +11,12 @@ from scipy.linalg import null_space
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.inference.cross_validation import of_all
 from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 
 LEAST_FACTOR = 2.0
-"""Typical factor between the sizes of one effect under two conditions, if they differ; more where the prior is wide."""
+"""Typical factor of an effect's size under one condition on the common size, if they differ; more with a wide prior."""
 FLAT = 1e3
 """Factor on the prior standard deviation of a common size: any size may be common to all conditions."""
 
@@ -56,20 +57,20 @@ def constancy(problem: Problem, model: Linear, hypothesis: Hypothesis) -> list[C
     constancies, free = [], _free(model, hypothesis)
     common = problem.all_data.evidence(free.at_zero, free.jacobian).right
     for placed in hypothesis:
-        columns, count = hypothesis.columns(model.z, placed), len(placed.effect.parameters)
+        columns, spreads = hypothesis.columns(model.z, placed), _spreads(placed)
         own = model.jacobian[:, columns]
         by_condition = np.hstack([own * (problem.condition == name)[:, None] for name in names])
-        differing = free.extended(by_condition @ np.kron(contrasts, np.diag(_spreads(placed))))
+        differing = free.extended(by_condition @ np.kron(contrasts, np.diag(spreads)))
         acting = [name for name in names if own[problem.condition == name].any()]
         separate = problem.all_data.evidence(differing.at_zero, differing.jacobian).right
         log_odds = separate - common if len(acting) > 1 else -np.inf
-        sizes = _sizes(model, by_condition, columns.start, count, names)
+        sizes = _sizes(problem, model, by_condition * np.tile(spreads, len(names)), columns.start, spreads)
         constancies.append(Constancy(placed, float(log_odds), sizes, float(model.z[columns.start])))
     return constancies
 
 
 def _spreads(placed: PlacedEffect) -> list[float]:
-    """Return the prior standard deviations, in z, of the differences of an effect's sizes between conditions."""
+    """Return the prior standard deviations, in z, of what an effect's sizes have of their own under each condition."""
     return [max(1.0, (p.kind == "lognormal") * np.log(LEAST_FACTOR) / p.spread) for p in placed.effect.parameters]
 
 
@@ -81,15 +82,18 @@ def _free(model: Linear, hypothesis: Hypothesis) -> Linear:
 
 
 def _sizes(
-    model: Linear, by_condition: np.ndarray, column: int, count: int, names: list[str]
+    problem: Problem, model: Linear, own: np.ndarray, column: int, spreads: list[float]
 ) -> dict[str, tuple[float, float]]:
-    """Return the first size under each condition, the common one plus a difference, with all other parameters free."""
-    wide = model.extended(by_condition)
-    covariance = np.linalg.inv(np.eye(len(wide.z)) + wide.jacobian.T @ wide.jacobian)
-    mean = covariance @ (wide.jacobian.T @ wide.at_zero)
+    """Return the first size under each condition, the common one plus its own part, with all other parameters free.
+
+    own: sensitivities (N, conditions x sizes) to one prior standard deviation of the conditions' own parts. The model
+    may have an error of its own, as in the sizes that are common to all conditions.
+    """
+    wide = model.extended(own)
+    mean, covariance = of_all(problem, wide).moments()
     sizes = {}
-    for number, name in enumerate(names):
+    for number, name in enumerate(problem.forward.conditions):
         pick = np.zeros(len(mean))
-        pick[[column, len(model.z) + number * count]] = 1.0
+        pick[column], pick[len(model.z) + number * len(spreads)] = 1.0, spreads[0]
         sizes[name] = float(pick @ mean), float(np.sqrt(pick @ covariance @ pick))
     return sizes

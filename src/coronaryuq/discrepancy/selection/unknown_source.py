@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
+from coronaryuq.core.mixture import mixture_moments
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
@@ -92,53 +93,51 @@ def unknown_source(
         if np.isfinite(responses).all():
             columns = _columns(problem, responses)
             alternatives = [of_all(problem, model.extended(scale * columns)) for scale in SCALES]
-            found.append((place, responses, _averaged(alternatives)))
-    found.sort(key=lambda one: -one[2])
-    nodes = [(place, evidence - without) for place, _, evidence in found]
+            found.append((place, responses, alternatives))
+    found.sort(key=lambda one: -_averaged(one[2]))
+    nodes = [(place, _averaged(alternatives) - without) for place, _, alternatives in found]
     if not found or nodes[0][1] <= 0.0:
         return nodes, None
-    place, responses, evidence = found[0]
-    return nodes, _described(problem, model, hypothesis, place, responses, evidence)
+    return nodes, _described(problem, model, hypothesis, *found[0])
 
 
 def _described(
-    problem: Problem, model: Linear, hypothesis: Hypothesis, place: str, responses: np.ndarray, evidence: float
+    problem: Problem, model: Linear, hypothesis: Hypothesis, place: str, responses: np.ndarray, free: list[Posterior]
 ) -> UnknownSource:  # fmt: skip
-    """Return waveform and laws of the source at one place."""
-    evidences, sizes = {FREE: evidence}, {}
+    """Return waveform and laws of the source at one place; free: posteriors with any waveform, by scale."""
+    evidences, sizes = {FREE: _averaged(free)}, {}
     for law, column in _laws(problem, model.z, hypothesis, place, responses).items():
         alternatives = [of_all(problem, model.extended(scale * column[:, None])) for scale in SCALES]
         evidences[law] = _averaged(alternatives)
-        sizes[law] = _size(alternatives)
+        (mean,), ((variance,),) = _moments(alternatives, 1)
+        sizes[law] = float(mean), float(np.sqrt(variance))
     total = logsumexp(list(evidences.values()))
     laws = {name: float(np.exp(value - total)) for name, value in evidences.items()}
-    return UnknownSource(place, _waveforms(problem, model, place, responses), laws, sizes)
+    return UnknownSource(place, _waveforms(problem, place, free), laws, sizes)
 
 
-def _waveforms(
-    problem: Problem, model: Linear, place: str, responses: np.ndarray
-) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Return `UnknownSource.waveforms` at the most probable scale."""
-    columns, shapes = _columns(problem, responses), _standard_basis()
-    posteriors = [of_all(problem, model.extended(scale * columns)) for scale in SCALES]
-    best = int(np.argmax([one.right for one in posteriors]))
-    mean, covariance = posteriors[best].moments()
-    count, flow = columns.shape[1], SCALES[best] * problem.forward.anatomy.flow_scale(place)
+def _waveforms(problem: Problem, place: str, free: list[Posterior]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Return `UnknownSource.waveforms`, averaged over the scales."""
+    shapes, flow = _standard_basis(), problem.forward.anatomy.flow_scale(place)
+    count = len(shapes) * (1 + len(problem.forward.conditions))
+    mean, covariance = _moments(free, count)
     found = {}
     for number, name in enumerate(problem.forward.conditions):
         own = np.zeros((len(shapes), count))
         for part in (0, number + 1):
             own[:, part * len(shapes) : (part + 1) * len(shapes)] = np.sqrt(0.5) * np.eye(len(shapes))
-        spread = own @ covariance[-count:, -count:] @ own.T
+        spread = own @ covariance @ own.T
         sd = np.sqrt(np.einsum("kt,kl,lt->t", shapes, spread, shapes))
-        found[name] = flow * (own @ mean[-count:] @ shapes), flow * sd
+        found[name] = flow * (own @ mean @ shapes), flow * sd
     return found
 
 
-def _size(alternatives: Sequence[Posterior]) -> tuple[float, float]:
-    best = int(np.argmax([one.right for one in alternatives]))
-    mean, covariance = alternatives[best].moments()
-    return float(SCALES[best] * mean[-1]), float(SCALES[best] * np.sqrt(covariance[-1, -1]))
+def _moments(alternatives: Sequence[Posterior], count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean (count,) and covariance of a source, averaged over its equally likely scales."""
+    each = [one.moments() for one in alternatives]
+    means = [scale * mean[-count:] for scale, (mean, _) in zip(SCALES, each, strict=True)]
+    within = [scale**2 * covariance[-count:, -count:] for scale, (_, covariance) in zip(SCALES, each, strict=True)]
+    return mixture_moments(softmax([one.right for one in alternatives]), np.array(means), np.array(within))
 
 
 def _responses(problem: Problem, z: np.ndarray, hypothesis: Hypothesis, place: str) -> np.ndarray:
