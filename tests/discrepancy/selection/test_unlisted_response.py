@@ -1,6 +1,7 @@
 """An unlisted response of one device is told from the listed errors of that device by all data."""
 
 from dataclasses import dataclass, replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from coronaryuq.adoption.choice import ADOPTED_FROM
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN
+from coronaryuq.discrepancy.forward.nuisance import Nuisance
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all, linearise
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT
+from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.answer import NAMES, UNLISTED, answer
 from coronaryuq.discrepancy.selection.unlisted_response import (
@@ -176,3 +179,22 @@ def test_two_errors_of_one_chain_are_as_likely_as_one_unlisted_response():
     assert log_prior_of_errors(problem, pair, [-5.0, -4.0, -6.0], LIBRARY) == pytest.approx(response - 4.0)
     assert log_prior_of_errors(problem, apart, [-5.0, -4.0], LIBRARY) == -9.0, "a gain is no response in time"
     assert log_prior_of_errors(problem, PLAIN, [], LIBRARY) == 0.0
+
+
+def test_signals_are_without_the_noise_that_a_fit_has_found():
+    """The data are the same, and so are their responses, whichever part of them is taken for noise."""
+    problem = recorded(low_pass(0.02))
+    noise = 5.0 * np.sin(40.0 * np.pi * np.concatenate([PHASE, PHASE]))
+    weight = Nuisance("lasting noise", 1.0, shape=0, noise=True)
+    own = replace(problem.forward, nuisances=[*problem.forward.nuisances, weight], shapes=noise[None, :])
+    problem, hypothesis = Problem(own, problem.settings, problem.train), assume(LOW_PASS)
+    models = []
+    for found in (0.0, 4.0):
+        z = np.array([0.0, found, 0.0])
+        (residual,) = problem.whitened([(z, hypothesis)]) - found * noise / problem.sd
+        models.append(Linear(z, residual, np.column_stack([0.02 * WAVES, noise, WAVES]) / problem.sd[:, None]))
+    gains = []
+    for model in models:
+        with mock.patch.object(problem, "whitened", lambda rows, model=model: [model.residual] * len(rows)):
+            gains.append(unlisted_responses(problem, model, hypothesis, [LISTED], LIBRARY))
+    assert gains[0] == pytest.approx(gains[1], rel=1e-6)

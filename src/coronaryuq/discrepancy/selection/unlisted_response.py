@@ -17,6 +17,7 @@ import numpy as np
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.nuisance import without_noise
 from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.zerod.effects.base import Effect, Series
@@ -99,7 +100,9 @@ def unlisted_responses(
     rows = [(model.z[own], kept) for own, kept in zip(columns, left, strict=True)]
     residuals = list(problem.whitened(rows)) if rows else []
     for kept, own, residual in zip(left, columns, residuals, strict=True):
-        responses = list(possible_responses(problem, residual, possible)) if np.isfinite(residual).all() else []
+        noise = model.z[own] - without_noise(problem.forward.nuisances, model.z[own])
+        clean = residual + model.jacobian[:, own] @ noise
+        responses = list(possible_responses(problem, clean, possible)) if np.isfinite(clean).all() else []
         if not responses:
             continue
         without = Linear(model.z[own], residual, model.jacobian[:, own])
@@ -153,7 +156,7 @@ def possible_responses(problem: Problem, residual: np.ndarray, possible: Sequenc
     is in units of its own standard deviation, and what a device adds of it in units of that of its readings, both under
     the device's first condition.
 
-    residual: of the model without the effects that are replaced, whitened (n,).
+    residual: of the model without the effects that are replaced and without the noise it has found, whitened (n,).
     """
     own, other = shares_of_responses(possible)
     channels, signals = _waveforms(problem, residual)
