@@ -1,9 +1,14 @@
 """Pair step: two effects that are right together, where no exchange of one of them helps."""
 
+import numpy as np
+import pytest
+
 from coronaryuq.core.seeds import generator
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.selection.backward_step import backward_step
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
-from coronaryuq.discrepancy.selection.pair_step import pair_step
+from coronaryuq.discrepancy.selection.pair_step import _promising, pair_step
+from coronaryuq.discrepancy.selection.score_test import screen
 from support.hypotheses import assume
 from support.linear_problem import here, linear_problem
 
@@ -94,3 +99,17 @@ def test_without_another_visible_candidate_the_pair_stays():
     for candidates in ([], case.candidates[:1], case.candidates):
         kept, same, unchanged = pair_step(case.problem, present, fit, rounds, present.effects, candidates)
         assert (kept, same, unchanged) == (present, fit, rounds)
+
+
+def test_pairs_are_ranked_at_their_most_probable_sizes():
+    """Weak effects stay near their prior's mean: of a linear pair, the guess is the posterior mean."""
+    random = generator(6, "test", "pair step")
+    a, b, noise = random.standard_normal((3, ROWS))
+    first, second = here("a"), here("b")
+    problem = linear_problem(
+        np.zeros((ROWS, 1)), {first: 0.1 * a, second: 0.1 * b + 0.05 * a}, 0.1 * a + 0.2 * b + noise
+    )
+    scored = screen(problem, problem.calibrate(PLAIN), PLAIN, [Candidate(first, PRIOR), Candidate(second, PRIOR)])
+    ((one, other),) = _promising(problem.calibrate(PLAIN), scored, -np.inf, [set(), set()])
+    wanted = problem.calibrate(assume(first, second)).z[1:]
+    assert [one.guess, other.guess] == pytest.approx(wanted, abs=1e-3)

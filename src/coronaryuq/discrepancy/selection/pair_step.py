@@ -10,7 +10,7 @@ import numpy as np
 
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference.gauss_newton import Fit
+from coronaryuq.discrepancy.inference.gauss_newton import FARTHEST, Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round, Rounds, replaced, round_of
 from coronaryuq.discrepancy.selection.refit import drop
@@ -20,7 +20,7 @@ Pair = tuple[Candidate, Candidate]
 LARGEST = 2.5
 """Size z up to which a response to a small size is extrapolated."""
 SWEEPS = 20
-"""Optimisations of each size of a pair given the other."""
+"""Gauss-Newton steps of each size of a pair given the other."""
 
 
 def pair_step(
@@ -74,17 +74,21 @@ def _promising(point: Fit, scored: list[Candidate], least: float, classes: list[
     seen, inner = [seen[k] for k in visible], inner[np.ix_(visible, visible)]
     pairs = np.array(np.triu_indices(len(seen), 1))
     along, squares, cross = (responses[visible] @ point.score)[pairs], np.diag(inner)[pairs], inner[tuple(pairs)]
-    # Multiples of the responses to first sizes, and the sizes z that they have.
+    # Multiples of the responses to first sizes, for sizes z, and their slopes; positive ones grow exponentially with z.
     first = np.array([first_size(c) for c in seen])[pairs]
     spread = np.array([c.effect.parameters[0].spread if c.one_sided else 0.0 for c in seen])[pairs]
-    positive, growth = spread > 0.0, np.where(spread > 0.0, spread, 1.0)
-    bounds = [np.where(positive, np.exp(growth * (z - first)), z / np.abs(first)) for z in (-LARGEST, LARGEST)]
-    by = np.zeros(pairs.shape)
-    for _ in range(SWEEPS):
-        for own, other in ((0, 1), (1, 0)):
-            by[own] = np.clip((along[own] - cross * by[other]) / squares[own], *(bound[own] for bound in bounds))
-    sizes = np.where(positive, first + np.log(np.where(positive, by, 1.0)) / growth, first * by)
-    slopes = np.where(positive, growth * by, 1.0 / first)
+
+    def multiples(sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        by = np.where(spread > 0.0, np.exp(spread * (sizes - first)), sizes / first)
+        return by, np.where(spread > 0.0, spread * by, 1.0 / first)
+
+    sizes = np.zeros(pairs.shape)
+    for own in (0, 1) * SWEEPS:
+        by, slopes = multiples(sizes)
+        left = along[own] - cross * by[1 - own] - squares[own] * by[own]
+        step = (slopes[own] * left - sizes[own]) / (1.0 + slopes[own] ** 2 * squares[own])
+        sizes[own] = np.clip(sizes[own] + np.clip(step, -FARTHEST, FARTHEST), -LARGEST, LARGEST)
+    by, slopes = multiples(sizes)
     gains = np.sum(by * along - 0.5 * by**2 * squares - 0.5 * sizes**2, axis=0) - by.prod(axis=0) * cross
     widths = np.prod(1.0 + slopes**2 * squares, axis=0) - (slopes.prod(axis=0) * cross) ** 2
     without = -0.5 * float(point.at_zero @ point.score + np.linalg.slogdet(point.precision)[1])
