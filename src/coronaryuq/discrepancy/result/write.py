@@ -253,7 +253,7 @@ def _residuals(found: Discovery) -> pd.DataFrame:
             "distance_mm": distances,
             "measured": problem.y,
             "sd": with_correlated(problem),
-            "recalibrated": problem.y - plain * problem.sd,
+            "recalibrated": problem.y - plain * found.base_problem.sd,
             "repaired": problem.y - repaired * problem.sd,
             "fitted": problem.train,
             "named": bool(found.named),
