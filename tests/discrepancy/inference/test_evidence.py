@@ -103,6 +103,20 @@ def averaged(problem, noises, of_one) -> float:
     return float(logsumexp(priors - logsumexp(priors) + [of_one(pair) for pair in pairs]))
 
 
+def test_noise_that_series_share_is_the_same_in_all_of_them(problem):
+    """As the drift of a wire in a pullback and in its check: with one noise, the evidence is that of the fits."""
+    shapes = np.vstack([problem.forward.shapes, np.random.default_rng(6).standard_normal(ROWS)])
+    nuisances = [*problem.forward.nuisances, Nuisance("drift", 1.0, shape=2, noise=True)]
+    shared = replace(problem, forward=replace(problem.forward, nuisances=nuisances, shapes=shapes))
+    own = linear(problem)
+    model = Linear(np.append(own.z, 0.4), own.residual, np.column_stack([own.jacobian, shapes[2] / problem.sd]))
+    found, plain = (
+        one.all_data.evidence(each.at_zero, each.jacobian).right - of_all(one, each).right
+        for one, each in ((shared, model), (problem, own))
+    )
+    assert found == pytest.approx(plain, abs=1e-6)
+
+
 def test_the_evidence_is_the_mean_of_the_densities_of_the_data(problem, noises):
     model = linear(problem)
     of_own = density(problem, model, noises["flow"][:1], np.zeros(ROWS), smooth)

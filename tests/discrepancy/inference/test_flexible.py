@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN, Flexible, Projection
+from coronaryuq.discrepancy.inference.gauss_newton import Fit
 
 ROWS, PARAMETERS = 30, 4
 
@@ -38,7 +39,7 @@ def test_it_is_the_exact_gaussian_posterior(seed, signal, shared):
     """Whichever columns of the sensitivities are shapes that all models share."""
     jacobian, features, blocks, y = case(seed, signal)
     columns = sorted(shared)
-    posterior = Flexible(features, blocks, columns, jacobian[:, columns]).posterior(y, jacobian)
+    posterior = Flexible(features, blocks, (columns, jacobian[:, columns])).posterior(y, jacobian)
     constant = 0.5 * ROWS * np.log(2.0 * np.pi)
     for number, amplitude in enumerate(AMPLITUDES):
         evidence, mean, covariance = dense(jacobian, features, y, amplitude)
@@ -50,7 +51,7 @@ def test_it_is_the_exact_gaussian_posterior(seed, signal, shared):
 def test_a_model_without_the_shapes_is_refused():
     jacobian, features, blocks, y = case(1)
     with pytest.raises(ValueError, match="shapes"):
-        Flexible(features, blocks, [0], jacobian[:, 1:2]).posterior(y, jacobian)
+        Flexible(features, blocks, ([0], jacobian[:, 1:2])).posterior(y, jacobian)
 
 
 def test_evidence_averages_the_amplitudes_with_their_prior():
@@ -97,3 +98,13 @@ def test_inner_products_are_those_of_the_marginal_precision(seed):
     for number, amplitude in enumerate(AMPLITUDES):
         covariance = np.eye(ROWS) + amplitude**2 * features @ features.T + jacobian @ jacobian.T
         assert found[number] == pytest.approx(y @ np.linalg.solve(covariance, other), rel=1e-6, abs=1e-6)
+
+
+@given(st.integers(0, 20), st.floats(0.0, 50.0))
+def test_errors_that_widen_the_noise_lower_the_evidence_of_a_fit(seed, widened):
+    """Whitened by wider standard deviations, data fit better: log sd is not the same constant in all models then."""
+    jacobian, features, blocks, y = case(seed)
+    z = np.linalg.solve(np.eye(PARAMETERS) + jacobian.T @ jacobian, jacobian.T @ y)
+    fits = [Fit(z, y - jacobian @ z, jacobian, flexible=Flexible(features, blocks, None, w)) for w in (0.0, widened)]
+    assert fits[1].evidence == pytest.approx(fits[0].evidence - widened)
+    assert fits[1].unreached == pytest.approx(0.0, abs=1e-6)

@@ -77,13 +77,15 @@ class Data:
 
     def __init__(self, problem: "Problem", chosen: np.ndarray):
         series, forward = problem.forward.measured, problem.forward
-        stated = PossibleNoise(0.0, np.zeros(len(problem.y)), forward.noise_shapes)
+        # What several series share, as a pullback and its check the drift of the wire, remains a part of the model.
+        within = np.array([len(set(problem.owner[shape != 0.0])) < 2 for shape in forward.noise_shapes], dtype=bool)
+        stated = PossibleNoise(0.0, np.zeros(len(problem.y)), forward.noise_shapes[within])
         self.names = list(dict.fromkeys(one.quantity for one in series))
         noises = {name: problem.noises.get(name, (stated,)) for name in self.names}
         axes = np.ix_(*(log_softmax([one.log_prior for one in noises[name]]) for name in self.names))
         self.log_priors = np.asarray(sum(axes)) - problem.widened[chosen].sum()
         """Of every combination of the quantities' noises, with what wider standard deviations cost."""
-        self.others = [k for k, nuisance in enumerate(forward.nuisances) if nuisance.noise]
+        self.others = np.flatnonzero([nuisance.noise for nuisance in forward.nuisances])[within]
         """Columns of a model's sensitivities that are weights of the problem's own noise."""
         owner, sd = problem.owner[chosen], problem.sd[chosen]
         rows = {number: np.flatnonzero(owner == number) for number in np.unique(owner).tolist()}

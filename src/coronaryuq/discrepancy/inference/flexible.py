@@ -21,6 +21,8 @@ from functools import cached_property
 import numpy as np
 from scipy.special import logsumexp
 
+from coronaryuq.core.mixture import mixture_moments
+
 AMPLITUDES = np.array([0.0, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4])
 """Amplitudes as fractions of the largest value of a series."""
 MODEL_ERROR = 0.005
@@ -80,10 +82,10 @@ class Posterior:
     def moments(self, prior: np.ndarray = RIGHT) -> tuple[np.ndarray, np.ndarray]:
         """Return mean (p,) and covariance (p, p) of z, averaged over the amplitudes, by default of a right model."""
         weights = np.exp(self.log_evidence + prior - logsumexp(self.log_evidence + prior))
-        mean = weights @ self.mean
-        moved = self.mean - mean
-        within = np.einsum("t,tij->ij", weights, self.covariance)
-        return mean, within + np.einsum("t,ti,tj->ij", weights, moved, moved)
+        return mixture_moments(weights, self.mean, self.covariance)
+
+
+Known = tuple[Sequence[int], np.ndarray]
 
 
 class Flexible:
@@ -95,15 +97,15 @@ class Flexible:
         Whitened features of unit amplitude: (N, k).
     blocks
         Number of the independent block of each row: (N,). Features of different blocks have no common column.
-    columns, shapes
+    known
         Columns of all models' sensitivities that are the same in all, and these (N, q).
+    widened
+        Log of the factor by which the volume of the noise exceeds that of other hypotheses: it lowers the evidence.
     """
 
-    def __init__(
-        self, features: np.ndarray, blocks: np.ndarray, columns: Sequence[int] = (), shapes: np.ndarray | None = None
-    ):
-        self.columns = np.array(columns, dtype=int)
-        self.shapes = np.zeros((len(features), 0)) if shapes is None else shapes
+    def __init__(self, features: np.ndarray, blocks: np.ndarray, known: Known | None = None, widened: float = 0.0):
+        columns, shapes = known or ((), np.zeros((len(features), 0)))
+        self.columns, self.shapes, self.widened = np.array(columns, dtype=int), shapes, widened
         self.blocks: list[tuple[np.ndarray, np.ndarray]] = []
         squares = []
         for number in np.unique(blocks):
@@ -116,7 +118,7 @@ class Flexible:
         spread = np.multiply.outer(AMPLITUDES**2, np.concatenate(squares))
         self.explained = spread / (1.0 + spread)
         """Fraction of the variance along each direction that belongs to the discrepancy, by amplitude: (T, k)."""
-        self.log_determinant = np.log1p(spread).sum(axis=1)
+        self.log_determinant = np.log1p(spread).sum(axis=1) + 2.0 * widened
 
     def along(self, vectors: np.ndarray) -> np.ndarray:
         """Return the components of vectors (N, m) along all directions: (k, m)."""

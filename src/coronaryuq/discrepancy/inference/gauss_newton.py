@@ -75,14 +75,15 @@ class Fit(Linear):
     def posterior(self) -> Posterior:
         """Posterior of the linearised model by the amplitude of its flexible discrepancy.
 
-        What the linear model still promises where the fit ended is not part of the evidence.
+        The evidence is that of the point reached, not of the linear model's optimum.
         """
         return self.promised.lowered(self.unreached)
 
     @property
     def unreached(self) -> float:
         """Log evidence that the linear model promises, and the fit did not reach."""
-        return float(self.promised.log_evidence[0] - self.evidence_without_error)
+        widened = 0.0 if self.flexible is None else self.flexible.widened
+        return float(self.promised.log_evidence[0] + widened - self.evidence_without_error)
 
     @cached_property
     def promised(self) -> Posterior:

@@ -83,6 +83,5 @@ def blocks(problem: "Problem") -> np.ndarray:
 def flexible(problem: "Problem", rows: np.ndarray) -> Flexible:
     """Return the flexible discrepancy of some rows (N,), bool."""
     columns, shapes = problem.shape_weights()
-    found = Flexible(features(problem)[rows], blocks(problem)[rows], columns, shapes[rows])
-    found.log_determinant += 2.0 * problem.widened[rows].sum()
-    return found
+    known = columns, shapes[rows]
+    return Flexible(features(problem)[rows], blocks(problem)[rows], known, problem.widened[rows].sum())
