@@ -43,7 +43,7 @@ def search_case(
     out
         Folder for the results.
     settings, seed
-        Settings of the search; seed of folds and intervals.
+        Settings of the search; seed of the intervals.
 
     Returns
     -------

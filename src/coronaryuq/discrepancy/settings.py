@@ -116,7 +116,7 @@ class Settings(BaseModel):
         description="Numerical error of the model as a fraction of each series' largest value, added to its standard "
         "deviation.",
     )
-    shortlist: int = Field(10, ge=1, description="Candidates fitted in full per round, chosen by score tests of all.")
+    shortlist: int = Field(10, ge=1, description="Candidates fitted per round, the most promising by their estimates.")
     max_effects: int = Field(3, ge=0, description="Maximum number of effects that may be added.")
     min_log_odds: float = Field(
         3.0,
@@ -125,7 +125,7 @@ class Settings(BaseModel):
         "effects, must exceed the log evidence of the model before it; 3 are odds of 20 to 1. A first effect only has "
         "to exceed it, and is then weighed against nothing and something else by all data.",
     )
-    starts: int = Field(3, ge=1, le=6, description="Starting sizes of an effect in each multistart fit.")
+    starts: int = Field(3, ge=1, le=6, description="Starting sizes of a candidate's fit.")
     iterations: int = Field(12, ge=1, description="Maximum number of Gauss-Newton iterations per fit.")
     steps_per_cycle: int = Field(300, ge=50, description="Time steps per cardiac cycle of the 0D runs.")
     threads: int = Field(1, ge=1, description="Threads of the 0D solver.")

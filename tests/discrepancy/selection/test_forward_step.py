@@ -10,7 +10,8 @@ from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.selection.candidates import Candidate, indistinguishable
-from coronaryuq.discrepancy.selection.forward_step import fit_class, forward_step
+from coronaryuq.discrepancy.selection.forward_step import forward_step
+from coronaryuq.discrepancy.selection.refit import fit_class, point_without
 from coronaryuq.discrepancy.selection.score_test import screen
 from support.hypotheses import assume
 from support.linear_problem import here, linear_problem, made_up
@@ -35,13 +36,12 @@ def test_all_segments_that_look_as_good_are_fitted_and_the_best_in_full():
     best = candidates[places[0]] = replace(candidates[places[0]], fit=exact(places[0]))
     near = [replace(c, fit=None, guess=1.0, estimate=best.fit.evidence) for c in candidates.values()]
     near[-1] = replace(near[-1], estimate=best.fit.evidence - 2 * (RULE.class_odds + RULE.class_margin))
-    pool = fit_class(problem, best, PLAIN, candidates, near)
-    fitted = [candidate for candidate in pool.values() if candidate.fit is not None]
-    assert {candidate.placed for candidate in fitted} == set(places)
+    fitted = fit_class(problem, PLAIN, near[1:], point_without(best), best)
+    assert [candidate.placed for candidate in fitted] == places[1:]
     for candidate in fitted:
         assert candidate.fit.evidence == pytest.approx(exact(candidate.placed).evidence, abs=0.1)
     best = max(fitted, key=lambda candidate: candidate.log_weight)
-    assert places[-1] in [c.placed for c in indistinguishable(best, fitted)]
+    assert places[-1] in [c.placed for c in indistinguishable(best, fitted)] and best.placed != places[0]
     assert best.fit.z == pytest.approx(exact(best.placed).z, abs=1e-9)
 
 

@@ -68,4 +68,4 @@ def test_a_stenosis_is_found_beside_a_noisy_condition(tmp_path):
 def test_noise_that_is_the_same_under_all_conditions_is_not_uneven(tmp_path):
     hide(Case(("quadratic_stenosis",), "medium", "underestimated", 69002), open_loop(), tmp_path, NATURE)
     problem = read_case(tmp_path)
-    assert uneven_noise(problem, problem.calibrate(PLAIN)) == {}
+    assert uneven_noise(problem) == {}

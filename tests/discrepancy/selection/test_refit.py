@@ -9,7 +9,7 @@ from coronaryuq.discrepancy.forward.hypothesis import PLAIN, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate
-from coronaryuq.discrepancy.selection.refit import diverged, fit_shortlist, from_other_starts
+from coronaryuq.discrepancy.selection.refit import diverged, fit_shortlist, from_other_starts, without_each
 from support.hypotheses import assume
 from support.linear_problem import LinearProblem, here, linear_problem
 from support.two_valleys import two_valleys
@@ -139,3 +139,22 @@ def test_a_candidate_is_fitted_from_the_point_where_it_looks_better():
     found = fit_shortlist(problem, base, PLAIN, candidates, point, {WRONG})
     assert starts == {RIGHT: base, WRONG: point}
     assert [c.placed for c in found] == [RIGHT, WRONG] and all(c.fit is not None for c in found)
+
+
+@pytest.mark.parametrize("better", [True, False])
+def test_the_model_without_an_effect_is_fitted_from_the_fit_with_it_too(better):
+    """From the prior's mean it may end in a worse optimum, which would flatter the effect, or in a better one."""
+    random = generator(5, "test", "without")
+    design, response = random.standard_normal((40, 2)), random.standard_normal(40)
+    problem = linear_problem(design, {RIGHT: response}, random.standard_normal(40))
+    fit, exact = problem.calibrate(assume(RIGHT)), problem.calibrate(PLAIN)
+    worse = Fit(exact.z + 1.0, exact.residual - design @ np.ones(2), design, flexible=problem.flexible)
+
+    def calibrated(wanted):
+        assert [start is None for _, start in wanted] == [True, False]
+        assert wanted[1][1] == pytest.approx(fit.z[:2])
+        return [worse, exact] if better else [exact, None]
+
+    problem.calibrate_each = calibrated
+    (found,) = without_each(problem, assume(RIGHT), fit, [RIGHT])
+    assert found is exact

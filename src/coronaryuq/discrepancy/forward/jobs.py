@@ -1,5 +1,6 @@
 """Single runs of a network, and the solver parameters of many runs stacked for one batch."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -13,6 +14,7 @@ from coronaryuq.zerod.network.waveforms import WAVE_POINTS, resampled, sampled
 from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.warm_starts import Point, Structure
 
+Value = float | np.ndarray
 Scaled = dict[str, list[int]]
 """ "BLOCK.parameter", or `BLOOD`, → numbers of the factors that multiply its value, in that order."""
 
@@ -77,15 +79,10 @@ class Job:
 
     def table(self, prepared: Prepared) -> dict[str, np.ndarray | float]:
         """Return all changes of the run, "BLOCK.parameter" → value."""
-        values = dict(self.effects)
+        values, factors = dict(self.effects), self.factors
         for name, numbers in _of_network(self.scaled).items():
             own = prepared.own(self.condition, name)
-            value = values.get(name, own)
-            added = value - own if _adds(name) else 0.0
-            value = value - added
-            for number in numbers:
-                value = value * self.factors[number]
-            values[name] = value + added
+            values[name] = _scaled(name, own, values.get(name, own), [factors[number] for number in numbers])
         return values
 
 
@@ -130,11 +127,8 @@ def stack(prepared: Prepared, jobs: list[Job]) -> dict[str, np.ndarray]:
     for condition, numbers in by_condition.items():
         factors = np.array([jobs[number].factors for number in numbers])
         for name, columns in scaled[condition].items():
-            added = values[name][numbers] - prepared.own(condition, name) if _adds(name) else 0.0
-            own = values[name][numbers] - added
-            for column in columns:
-                own = own * factors[:, column]
-            values[name][numbers] = own + added
+            own = prepared.own(condition, name)
+            values[name][numbers] = _scaled(name, own, values[name][numbers], factors.T[columns])
     return values
 
 
@@ -143,9 +137,14 @@ def _of_network(scaled: Scaled) -> Scaled:
     return {name: numbers for name, numbers in scaled.items() if name != BLOOD}
 
 
-def _adds(name: str) -> bool:
-    """Whether recalibration scales only the condition's own value and not the additions by effects.
+def _scaled(name: str, own: Value, value: Value, factors: Iterable[Value]) -> Value:
+    """Return a value of a condition's network, as effects have changed it, as recalibration scales it.
 
-    The severity of a known stenosis belongs to a condition, while an effect has one size under all conditions.
+    The severity of a known stenosis belongs to a condition, while an effect has one size under all conditions: so of a
+    loss only the condition's own value is scaled, not what effects add.
     """
-    return name.endswith(f".{LOSS}")
+    added = value - own if name.endswith(f".{LOSS}") else 0.0
+    value = value - added
+    for factor in factors:
+        value = value * factor
+    return value + added

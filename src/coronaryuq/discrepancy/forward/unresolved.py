@@ -1,4 +1,4 @@
-"""Waveforms at points of a model, of which no steps resolve a part, and how instruments read them."""
+"""Waveforms with an oscillation that no time step resolves, and how instruments read them."""
 
 import numpy as np
 

@@ -9,6 +9,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from coronaryuq.core.block_bootstrap import root_mean_square_interval
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
+from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.evidence import Evidence
 from coronaryuq.discrepancy.inference.flexible import Posterior
 from coronaryuq.discrepancy.inference.gauss_newton import Fit, Linear
@@ -24,6 +25,8 @@ Folds = list[tuple[np.ndarray, np.ndarray]]
 
 def linearise(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> Linear:
     """Linearise a model at its fit or, if it does not run there, at the prior mean with the sizes of the fit.
+
+    The problem keeps what was linearised: the answer, the held-out misfits and an unknown source need the same.
 
     Parameters
     ----------
@@ -44,12 +47,15 @@ def linearise(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> Linear
     FloatingPointError
         If the model runs at neither point under every condition.
     """
-    centred = hypothesis.at_prior_mean(z)
-    for point in (z, centred):
+    key = z.tobytes(), hypothesis
+    for point in (z, hypothesis.at_prior_mean(z)) if key not in problem.linearised else ():
         residual = problem.whitened([(point, hypothesis)])[0]
         if np.isfinite(residual).all():
-            return Linear(point, residual, problem.sensitivity(point, residual, hypothesis))
-    raise FloatingPointError("the model could not be run under every condition")
+            problem.linearised[key] = Linear(point, residual, problem.sensitivity(point, residual, hypothesis))
+            break
+    if key not in problem.linearised:
+        raise FloatingPointError("the model could not be run under every condition")
+    return problem.linearised[key]
 
 
 def posterior_of_all(problem: Problem, fit: Fit, hypothesis: Hypothesis) -> Posterior:
@@ -186,6 +192,16 @@ def predictive_p(problem: Problem, model: Linear, folds: Folds) -> float:
         tests = residual_tests(problem, test, residual @ score, score, partial(cho_solve, factor))
         p_values += tests.values()
     return min(1.0, len(p_values) * min(p_values))
+
+
+def held_out(problem: Problem, fit: Fit, hypothesis: Hypothesis, folds: Folds, seed: int) -> tuple[Gap, Gap, float]:
+    """Return the held-out misfit of a model, the same with a flexible discrepancy, and `predictive_p`.
+
+    The discrepancy has its most probable amplitude.
+    """
+    model = linearise(problem, fit.z, hypothesis)
+    flexible = model.extended(fit.posterior.amplitude * gp_discrepancy.features(problem))
+    return gap(problem, model, folds, seed), gap(problem, flexible, folds, seed), predictive_p(problem, model, folds)
 
 
 def _quarters(problem: Problem, rows: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from coronaryuq.discrepancy.inference.time_step_error import FINER, Sized, TimeS
 from coronaryuq.discrepancy.inference.vessel_errors import VesselErrors
 
 DRAWS = 128
-"""Draws of the nuisance parameters and of the vessels' errors then."""
+"""Number of draws of the nuisance parameters and of the vessels' errors, where the model oscillates."""
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ import numpy as np
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
-from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.instruments import instruments
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.error_runs import ErrorRuns
 from coronaryuq.discrepancy.inference.evidence import Data, PossibleNoise
 from coronaryuq.discrepancy.inference.flexible import Flexible
-from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Search, maximise
+from coronaryuq.discrepancy.inference.gauss_newton import STEP, Fit, Label, Linear, Search, maximise
 from coronaryuq.discrepancy.inference.known_errors import unresolved
 from coronaryuq.discrepancy.inference.pullback_errors import independent_sd
 from coronaryuq.discrepancy.inference.time_step_error import FINER, OSCILLATES, Sized, TimeSteps
@@ -27,7 +27,7 @@ OTHER_STARTS = (-1.0, 1.0, -2.0, 2.0, 0.0)
 RESTARTS = (0.0, 2.0, -1.0)
 """Sizes of all effects, in prior standard deviations, from which `multistart_each` starts."""
 DRAWN_STARTS = 7
-"""If half of the draws lead to the best optimum, as in the cases seen, one fit in 128 misses it."""
+"""Number of random starts: if each finds the best optimum with probability one half, all miss it in 1 of 128 fits."""
 SMALLER = -2.0
 """Starting point if the model does not run at a candidate's own, in prior standard deviations."""
 CORRECTIONS = 6
@@ -82,6 +82,7 @@ class Problem:
         self.owner = np.repeat(np.arange(len(series)), [s.value.size for s in series])
         self.condition = np.array([s.condition for s in series])[self.owner]
         self.count = len(self.forward.nuisances)
+        self.linearised: dict[tuple[bytes, Hypothesis], Linear] = {}
 
     @cached_property
     def flexible(self) -> Flexible:
@@ -105,8 +106,14 @@ class Problem:
 
     @property
     def unresolved(self) -> bool:
-        """Whether no steps tell the time-step error at a fit, so that it is an error of the waveforms."""
+        """Whether the time-step error at a fit cannot be computed with any steps, and is treated as random."""
         return self.time_steps is not None and self.time_steps.about is not None
+
+    def with_noises(self, noises: dict[str, tuple[PossibleNoise, ...]]) -> "Problem":
+        """Return the problem with other possible noises, and with all that does not depend on them."""
+        other, kept = replace(self, noises=noises), ("recalibrated", "flexible", "flexible_of_all", "linearised")
+        vars(other).update({name: value for name, value in vars(self).items() if name in kept})
+        return other
 
     def error_runs(self) -> ErrorRuns:
         """Return the runs of the model from which its known errors follow, before it has shapes of these."""
@@ -143,6 +150,11 @@ class Problem:
         free = [name for name in conditions if self.forward.conditions[name].anchored]
         means = np.array([s.anchors for s in self.forward.measured])[self.owner]
         return np.isin(self.condition, free) & means
+
+    @cached_property
+    def recalibrated(self) -> Fit:
+        """Fit of the model without any effect; raises FloatingPointError if the model does not run."""
+        return self.calibrate(PLAIN)
 
     def calibrate(self, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit:
         """Fit nuisance parameters and sizes together, recomputing all sensitivities.
@@ -255,8 +267,8 @@ class Problem:
     def multistart_each(self, hypotheses: Sequence[Hypothesis]) -> list[Fit | None]:
         """Return for each hypothesis the best of several fits from the prior mean, with different sizes of all effects.
 
-        All are fitted together. After two iterations those end that even by their linear models stay far behind the
-        best of all; the others are fitted to convergence. None if the model runs at no start.
+        All are fitted together. After two iterations the best of each is fitted to convergence, unless it stays far
+        behind the best of all even by its linear model. None if the model runs at no start.
         """
         searches = []
         for hypothesis in hypotheses:
@@ -264,13 +276,12 @@ class Problem:
                 sizes = np.full(len(hypothesis.parameters), size)
                 searches.append(self._in_full(hypothesis, np.concatenate([np.zeros(self.count), sizes])))
         maximise(self.fitted, searches, 2)
-        leading = max((search.fit.evidence for search in searches if not search.failed), default=0.0)
-        going = [search for search in searches if not (search.failed or search.done)]
-        left = [search for search in going if search.fit.promised.right > leading - RULE.far_behind]
-        maximise(self.fitted, left, self.settings.iterations)
-        fits = [None if search.failed else search.fit for search in searches]
-        each = (fits[first : first + len(RESTARTS)] for first in range(0, len(fits), len(RESTARTS)))
-        return [max(filter(None, own), key=lambda fit: fit.evidence, default=None) for own in each]
+        each = (searches[first : first + len(RESTARTS)] for first in range(0, len(searches), len(RESTARTS)))
+        best = [max((s for s in own if not s.failed), key=lambda s: s.fit.evidence, default=None) for own in each]
+        leading = max((search.fit.evidence for search in best if search), default=0.0)
+        close = [s for s in best if s and not s.done and s.fit.promised.right > leading - RULE.far_behind]
+        maximise(self.fitted, close, self.settings.iterations)
+        return [None if search is None else search.fit for search in best]
 
     def distorted(self, fit: Fit) -> bool:
         """Return whether recalibration has left the prior, so that candidates are better scored at another point."""

@@ -2,8 +2,8 @@
 
 A model without an exchange is recalibrated to the wrong channels. About that fit an exchange looks wrong, because the
 parameters would have to move back with it, and what they then move is the other channel: it is screened with the slopes
-of the exchanged predictions. Where an effect is that of a recalibrated parameter beyond its prior, all parameters have
-moved in its place, and all have to move back: far, but so that the predictions hardly change.
+of the exchanged predictions. Other effects are recalibrated parameters far outside their prior. Recalibration has moved
+the other parameters instead; they must move back a long way, although predictions hardly change.
 """
 
 from dataclasses import dataclass, replace

@@ -9,6 +9,7 @@ from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import locate
 from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.selection import refit
 from coronaryuq.discrepancy.selection.candidates import (
     Candidate,
     Round,
@@ -22,7 +23,6 @@ from coronaryuq.discrepancy.selection.candidates import (
     round_of,
     updated,
 )
-from coronaryuq.discrepancy.selection.refit import drop, exact, fit_each, may_be_in_class, point_without, quick_fits
 from coronaryuq.discrepancy.selection.score_test import screen
 
 
@@ -38,15 +38,15 @@ def backward_step(
         current, others = round_of(rounds, placed), hypothesis.without(placed)
         columns = hypothesis.columns(fit.z, placed)
         present = replace(current.named, fit=_moved_last(fit, columns))
-        without = exact(problem, others)
+        (without,) = refit.without_each(problem, hypothesis, fit, [placed])
         if without is None:
             continue
         # Other effects may have grown since: a rival's estimate is only as accurate as on the first shortlist.
         least = least_weight(present, without)
         best, tried, _ = _weigh_again(
-            problem, current, present, others, drop(fit, columns), least, without=without.evidence
+            problem, current, present, others, refit.drop(fit, columns), least, without=without.evidence
         )
-        if class_log_weight(best, tried) - without.evidence < problem.settings.min_log_odds:
+        if class_log_weight(best, tried) - without.evidence < least_log_odds(problem, others):
             return others, without, replaced(rounds, current, replace(current, accepted=None))
         rounds = replaced(rounds, current, current.decided(best, tried, others))
         if best.placed != placed:
@@ -86,9 +86,9 @@ def compare_again(
     present = replace(current.named, fit=fit)
     least = present.log_weight - RULE.contender_gap
     best, tried, problems = _weigh_again(
-        problem, current, present, others, point_without(present), least, own_time_steps=True
+        problem, current, present, others, refit.point_without(present), least, own_time_steps=True
     )
-    plain, without = before, exact(before, others)
+    plain, (without,) = before, refit.without_each(before, others.with_(present.placed), fit, [present.placed])
     if without is not None:
         plain, without = before.corrected(others, without)
     evidence = -np.inf if without is None else without.evidence
@@ -119,27 +119,19 @@ def _weigh_again(
     rivals = [replace(c, fit=None, multistart=None) for c in pool if c.placed not in (*others, present.placed)]
     rivals = [c for c in screen(problem, point, others, rivals) if c.promise > least]
     rivals.sort(key=lambda c: -c.promise)
-    first = fit_each(problem, others, rivals[: RULE.rivals], point, least, without)
+    first = refit.fit_each(problem, others, rivals[: RULE.rivals], point, least, without)
     problems = {}
     if own_time_steps:
         close = [c for c in first if c.log_weight > least]
         corrected = [problem.corrected(others.with_(c.placed), c.fitted) for c in close]
         problems = {c.placed: own for c, (own, _) in zip(close, corrected, strict=True)}
         first = updated(first, [replace(c, fit=fit) for c, (_, fit) in zip(close, corrected, strict=True)])
-    # In a large class, e.g. every pair of outlets, the sensitivities hardly differ from the present candidate's.
     members = {member.placed for member in current.members}
     fitted = [c for c in first if c.fit is not None]
     ahead = max([present, *fitted], key=lambda c: c.log_weight)
-    alike = [c for c in rivals[RULE.rivals :] if c.placed in members or may_be_in_class(c, ahead)]
-    fits = quick_fits(problem, others, alike, point)
-    alike = [replace(c, fit=fit) for c, fit in zip(alike, fits, strict=True) if fit is not None]
+    alike = refit.fit_class(problem, others, rivals[RULE.rivals :], point, ahead, members)
     tried = sorted([present, *fitted, *alike], key=lambda c: -c.log_weight)
-    best = preferred(tried)
-    if best in alike:
-        full = exact(problem, others.with_(best.placed), best.fitted.z)
-        best = replace(best, fit=full or best.fit)
-        tried = updated(tried, [best])
-    return best, tried, problems
+    return preferred(tried), tried, problems
 
 
 def _moved_last(fit: Fit, columns: slice) -> Fit:

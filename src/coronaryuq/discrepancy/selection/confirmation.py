@@ -9,7 +9,7 @@ from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Rounds, replaced, round_of
-from coronaryuq.discrepancy.selection.refit import exact
+from coronaryuq.discrepancy.selection.refit import without_each
 
 
 def confirm(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds) -> tuple[Hypothesis, Fit, Rounds]:
@@ -19,25 +19,23 @@ def confirm(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds) 
     step.
     """
     while len(hypothesis) > 1:
-        present = _evidence(problem, fit, hypothesis)
-        others = [hypothesis.without(placed) for placed in hypothesis]
-        fits = [exact(problem, fewer) for fewer in others]
-        odds = np.full(len(hypothesis), np.inf)
-        for number, (placed, fewer, without) in enumerate(zip(hypothesis, others, fits, strict=True)):
-            entry = round_of(rounds, placed)
-            total = np.inf if without is None else present - _evidence(problem, without, fewer)
-            evidence_gain = np.inf if without is None else _of_fitted(problem, fit) - _of_fitted(problem, without)
-            odds[number] = total + entry.class_log_prior
+        present, odds = _evidence(problem, fit, hypothesis), []
+        fits = without_each(problem, hypothesis, fit, hypothesis)
+        for placed, without in zip(hypothesis, fits, strict=True):
+            entry, total, evidence_gain = round_of(rounds, placed), np.inf, np.inf
+            if without is not None:
+                total = present - _evidence(problem, without, hypothesis.without(placed))
+                evidence_gain = _of_fitted(problem, fit) - _of_fitted(problem, without)
+            odds.append(total + entry.class_log_prior)
             held_out_gain = total - evidence_gain if np.isfinite(total) else np.inf
             checked = replace(entry, evidence_gain=evidence_gain, held_out_gain=held_out_gain)
             rounds = replaced(rounds, entry, checked)
-        least = int(np.argmin(odds))
-        remaining = fits[least]
-        if odds[least] >= problem.settings.min_log_odds or remaining is None:
+        least = hypothesis.effects[int(np.argmin(odds))]
+        remaining, entry = fits[int(np.argmin(odds))], round_of(rounds, least)
+        if min(odds) >= problem.settings.min_log_odds or remaining is None:
             return hypothesis, fit, rounds
-        entry = round_of(rounds, hypothesis.effects[least])
         rounds = replaced(rounds, entry, replace(entry, accepted=None, refuted=entry.accepted))
-        hypothesis, fit = others[least], remaining
+        hypothesis, fit = hypothesis.without(least), remaining
         if len(hypothesis) == 1:
             entry = round_of(rounds, hypothesis.effects[0])
             rounds = replaced(rounds, entry, replace(entry, evidence_gain=np.inf, held_out_gain=None))

@@ -121,7 +121,7 @@ class Discovery:
     def sizes(self, placed: PlacedEffect) -> list[tuple[Parameter, float, float]]:
         """Return each size of an effect as parameter, z and posterior standard deviation of z.
 
-        The mean, or of an implausible one the fit, beside which an error of the model is less probable.
+        z is the posterior mean, or the best fit of an implausible effect.
         """
         columns = self.hypothesis.columns(self.fit.z, placed)
         mean, covariance = self.fit.posterior.moments()

@@ -42,8 +42,10 @@ def forward_step(
     for _ in range(RULE.second_looks if _fitted(pool) else 0):
         before = _best(pool)
         pool, near = look_again(problem, fit, before, hypothesis, pool)
-        if _best(pool).placed == before.placed:
-            pool = fit_class(problem, _best(pool), hypothesis, pool, near)
+        if (ahead := _best(pool)).placed == before.placed:
+            waiting = [c for c in near if pool[c.placed].fit is None]
+            for c in refit.fit_class(problem, hypothesis, waiting, refit.point_without(ahead), ahead):
+                pool[c.placed] = replace(pool[c.placed], fit=c.fit)
             break
     tried = _fitted(pool)
     worth = _worth_naming(fit, tried, least)
@@ -108,22 +110,3 @@ def look_again(
         better = refitted.log_weight > known.log_weight
         pool = pool | {known.placed: replace(known, fit=refitted.fit) if better else known}
     return pool, near
-
-
-def fit_class(problem: Problem, best: Candidate, hypothesis: Hypothesis, pool: Pool, near: list[Candidate]) -> Pool:
-    """Fit and shortlist all candidates that may be in the best one's class, as seen from its fit (`near`).
-
-    There may be many more than are fitted in full after screening: each segment of one vessel, for example. All
-    sensitivities except those to their own sizes stay those of the best fit, from which theirs hardly differ; a
-    candidate that becomes the best is fitted in full.
-    """
-    waiting = [c for c in near if pool[c.placed].fit is None and refit.may_be_in_class(c, best)]
-    if not waiting:
-        return pool
-    fits = refit.quick_fits(problem, hypothesis, waiting, refit.point_without(best))
-    pool = pool | {c.placed: replace(pool[c.placed], fit=fit) for c, fit in zip(waiting, fits, strict=True) if fit}
-    ahead = _best(pool)
-    if ahead.placed == best.placed:
-        return pool
-    full = refit.exact(problem, hypothesis.with_(ahead.placed), ahead.fitted.z)
-    return pool | {ahead.placed: replace(ahead, fit=full or ahead.fit)}

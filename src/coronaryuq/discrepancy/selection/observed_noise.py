@@ -74,13 +74,15 @@ def observe(problem: Problem, hypothesis: Hypothesis, fit: Fit) -> Observed:
     return Observed(estimates, outliers, nothing > something)
 
 
-def uneven_noise(problem: Problem, fit: Fit) -> dict[str, float]:
-    """Return quantity and condition whose noise about a fit is larger than under other conditions, and how many times.
+def uneven_noise(problem: Problem) -> dict[str, float]:
+    """Return quantity and condition whose noise is larger than under other conditions, and how many times.
+
+    About the recalibrated model.
 
     The stated standard deviations may be wrong, but by one factor. Only scatter about the lines between neighbours
     counts, which missing effects hardly change.
     """
-    (residual,), measured = problem.whitened([(fit.z, PLAIN)]), problem.forward.measured
+    (residual,), measured = problem.whitened([(problem.recalibrated.z, PLAIN)]), problem.forward.measured
     uneven: dict[str, float] = {}
     for quantity in dict.fromkeys(series.quantity for series in measured):
         off = defaultdict[str, list[np.ndarray]](list)
@@ -124,7 +126,7 @@ def with_observed_noise(problem: Problem, observed: Observed, report: Callable[[
     if outliers:
         report(f"{len(outliers)} samples are outliers, and are left out")
     known = with_noise(problem, noise, outliers) if noise or outliers else problem
-    return replace(known, noises=possible_noises(problem, observed.estimates, outliers))
+    return known.with_noises(possible_noises(problem, observed.estimates, outliers))
 
 
 class OtherNoise(Exception):

@@ -99,9 +99,48 @@ def quick_fits(problem: Problem, hypothesis: Hypothesis, candidates: list[Candid
     return problem.fit_roughly(point, hypothesis, [c.placed for c in candidates], starts)
 
 
+def fit_class(
+    problem: Problem,
+    hypothesis: Hypothesis,
+    candidates: list[Candidate],
+    point: Fit,
+    ahead: Candidate,
+    members: Collection[PlacedEffect] = (),
+) -> list[Candidate]:
+    """Fit candidates that may be in the class of another; return those that could be fitted, the best of all in full.
+
+    There may be many more than are fitted in full after screening: each segment of one vessel, for example, or every
+    pair of outlets. All sensitivities except those to their own sizes stay those of `point`, from which they hardly
+    differ. members: those that are fitted in any case.
+    """
+    alike = [c for c in candidates if c.placed in members or may_be_in_class(c, ahead)]
+    found = [c for c in _with_fits(alike, quick_fits(problem, hypothesis, alike, point)) if c.fit is not None]
+    best = max([ahead, *found], key=lambda c: c.log_weight)
+    if best.placed == ahead.placed:
+        return found
+    full = exact(problem, hypothesis.with_(best.placed), best.fitted.z)
+    return updated(found, [replace(best, fit=full or best.fit)])
+
+
 def exact(problem: Problem, hypothesis: Hypothesis, start: np.ndarray | None = None) -> Fit | None:
     """Fit a hypothesis in full; None if the model does not run at the start."""
     return problem.calibrate_each([(hypothesis, start)])[0]
+
+
+def without_each(
+    problem: Problem, hypothesis: Hypothesis, fit: Fit, removed: Iterable[PlacedEffect]
+) -> list[Fit | None]:
+    """Fit the model without each of some effects in turn; None if it does not run.
+
+    From the prior's mean and from the fit with the effect, whichever is better: a poor fit would flatter the effect.
+    """
+    wanted: list[tuple[Hypothesis, np.ndarray | None]] = []
+    for placed in removed:
+        others = hypothesis.without(placed)
+        wanted += [(others, None), (others, drop(fit, hypothesis.columns(fit.z, placed)).z)]
+    fits = problem.calibrate_each(wanted)
+    pairs = ([fit for fit in fits[k : k + 2] if fit is not None] for k in range(0, len(fits), 2))
+    return [max(pair, key=lambda fit: fit.evidence, default=None) for pair in pairs]
 
 
 def may_be_in_class(candidate: Candidate, best: Candidate) -> bool:

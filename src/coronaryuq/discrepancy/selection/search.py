@@ -16,16 +16,7 @@ from scipy.special import logsumexp
 from coronaryuq.discrepancy.data.conditions import held_out_names
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import PLAIN, Hypothesis, PlacedEffect
-from coronaryuq.discrepancy.inference import gp_discrepancy
-from coronaryuq.discrepancy.inference.cross_validation import (
-    Folds,
-    Gaps,
-    evidence_of_all,
-    folds_of,
-    gap,
-    linearise,
-    predictive_p,
-)
+from coronaryuq.discrepancy.inference.cross_validation import Folds, Gaps, evidence_of_all, folds_of, held_out
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import Located, locate
 from coronaryuq.discrepancy.inference.noise import TOO_LOUD, most_probable
@@ -96,12 +87,10 @@ def discover(problem: Problem, seed: int, library: Library = SEARCHED, report: R
     if problem.settings.noise == "stated":
         return search_without_confounder(_search, problem, seed, library, report)
     report("recalibrating, to see the noise")
-    fit = problem.calibrate(PLAIN)
-    if uneven := observed_noise.uneven_noise(problem, fit):
+    if uneven := observed_noise.uneven_noise(problem):
         report(f"noise over its stated size is larger than under other conditions: {', '.join(uneven)}")
         problem = observed_noise.with_uneven_noise(problem, uneven)
-        fit = problem.calibrate(PLAIN)
-    observed = observe(problem, PLAIN, fit)
+    observed = observe(problem, PLAIN, problem.recalibrated)
     for last in (*(False,) * (NOISE_ESTIMATES - 1), True):
         known = observed_noise.with_observed_noise(problem, observed, report)
         search = _search if last else partial(_search, watch=partial(watch, problem, observed))
@@ -267,12 +256,15 @@ def _select(state: _State, library: Library, report: Report, watch: Watch) -> _S
             problem, fit = state.problem.corrected(state.hypothesis, state.fit)
             state = replace(state, problem=problem, fit=fit)
         report(f"best: {_listed(state.hypothesis)}")
-        for _ in range(len(state.hypothesis) - 1):
+        recent = 1
+        for _ in range(len(state.hypothesis)):
             before = state.hypothesis
-            hypothesis, fit, rounds = backward_step(state.problem, before, state.fit, state.rounds)
+            hypothesis, fit, rounds = backward_step(state.problem, before, state.fit, state.rounds, recent)
             state = replace(state, hypothesis=hypothesis, fit=fit, rounds=rounds)
             if hypothesis == before:
                 break
+            # Classes were found beside an effect that is gone.
+            recent *= len(hypothesis) == len(before)
         state = _with_better_pair(state, report)
         count = len(state.hypothesis)
         problem, hypothesis, fit, rounds = correct_time_steps(state.problem, state.hypothesis, state.fit, state.rounds)
@@ -315,20 +307,20 @@ def _check(state: _State, library: Library, report: Report) -> tuple[_State, boo
         return state, True
     report(f"all data confirm only {_listed(hypothesis)}")
     problem, fit = state.problem.corrected(hypothesis, fit)
-    state = replace(state, problem=problem, fit=fit).converged().reassessed(library)
+    # Classes were found beside an effect that is gone.
+    hypothesis, fit, rounds = backward_step(problem, hypothesis, fit, rounds, recent=0)
+    state = replace(state, problem=problem, hypothesis=hypothesis, fit=fit, rounds=rounds)
+    state = state.converged().reassessed(library)
     return state.without_refuted(), False
 
 
 def _held_out(base_problem: Problem, base: Fit, state: _State, folds: Folds, seed: int) -> tuple[Gaps, float]:
     """Return the held-out misfits and the p-value of the held-out data under the best hypothesis."""
-    features = gp_discrepancy.features(base_problem)
-    recalibrated = linearise(base_problem, base.z, PLAIN)
-    repaired = linearise(state.problem, state.fit.z, state.hypothesis) if state.hypothesis else recalibrated
-    flexible = recalibrated.extended(base.posterior.amplitude * features)
-    both = repaired.extended(state.fit.posterior.amplitude * features) if state.hypothesis else flexible
-    models = (recalibrated, repaired, flexible, both)
-    gaps = Gaps(*(gap(state.problem, model, folds, seed) for model in models))
-    return gaps, predictive_p(state.problem, repaired, folds)
+    before, flexible, p = held_out(base_problem, base, PLAIN, folds, seed)
+    after, both = before, flexible
+    if state.hypothesis:
+        after, both, p = held_out(state.problem, state.fit, state.hypothesis, folds, seed)
+    return Gaps(before, after, flexible, both), p
 
 
 def _progress(state: _State) -> str:
@@ -358,7 +350,7 @@ def recalibrate(problem: Problem) -> tuple[Problem, Fit]:
     FloatingPointError
         If the model does not run at the prior's mean.
     """
-    return problem.corrected(PLAIN, problem.calibrate(PLAIN))
+    return problem.corrected(PLAIN, problem.recalibrated)
 
 
 def assess(
