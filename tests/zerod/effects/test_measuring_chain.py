@@ -148,3 +148,21 @@ def test_a_catheter_is_reported_by_its_frequency():
     period, damping = effect("catheter_resonance").parameters
     assert effect("catheter_resonance").describe(period, 0.1, None) == ("natural frequency in Hz", pytest.approx(10.0))
     assert effect("catheter_resonance").describe(damping, 0.2, None) == ("damping ratio", 0.2)
+
+
+@pytest.mark.parametrize("name", ["pressure_clock_rate", "flow_clock_rate"])
+@given(rate=st.floats(-0.1, 0.1))
+def test_a_fast_clock_reads_what_was_before_and_a_slow_one_the_next_beat(name, rate):
+    """To within the curvature of the waveform between two points."""
+    found = read(name, rate=rate)
+    assert found == pytest.approx(beat((1.0 - rate) * TIME), abs=0.02)
+    assert found[0] == pytest.approx(beat(0.0))
+
+
+def test_a_clock_is_that_of_one_recording_or_of_all_of_a_quantity():
+    anatomy, two = Anatomy(bifurcation()), [series("flow", "a:b"), series("flow", "a:c"), series("pressure", "a:b")]
+    clock = effect("flow_clock_rate")
+    assert clock.places(anatomy, two) == ["a:b", "a:c", "every flow"]
+    assert clock.places(anatomy, two[:1]) == ["a:b"]
+    assert [clock.covers("every flow", one) for one in two] == [True, True, False]
+    assert [clock.covers("a:c", one) for one in two] == [False, True, False]

@@ -1,4 +1,4 @@
-"""Between a blood vessel and the recording: delay, low-pass, resonance, average of beats, drift of a wire."""
+"""Between a vessel and the recording: delay, low-pass, resonance, clock, average of beats, drift of a wire."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -20,8 +20,8 @@ MOST_AVERAGES = 64
 MEASUREMENT_OF_FLOW = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed. (2011), measurement of flow"
 
 
-class Chain(Effect):
-    """Base class of what acts on the waveforms of one instrument, linearly.
+class Recorded(Effect):
+    """Base class of what acts on the waveforms of one instrument.
 
     Sizes are in seconds, as those of a line, a filter or a trigger do not depend on the heart rate.
     """
@@ -37,6 +37,21 @@ class Chain(Effect):
 
     def covers(self, place: str, series: Series) -> bool:
         return series.quantity in self.quantities and series.location == place
+
+
+class AloneOrTogether(Recorded):
+    """Base class of what acts on each waveform or, if one device reads several, on all of its quantity."""
+
+    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
+        alone = super().places(anatomy, observed)
+        return [*alone, f"every {self.quantities[0]}"] if len(alone) > 1 else alone
+
+    def covers(self, place: str, series: Series) -> bool:
+        return series.quantity in self.quantities and place in (series.location, f"every {series.quantity}")
+
+
+class Chain(Recorded):
+    """Base class of linear responses of an instrument, the same at all times: two of them may be a third."""
 
 
 class _Delay(Chain):
@@ -72,8 +87,8 @@ class Reshaping(Effect):
         return self.reshaped(sizes, series, wave)
 
 
-class LinearFilter(Chain, Reshaping):
-    """Filter with a transfer function. Places: each waveform or, if one device reads several, all of its quantity.
+class LinearFilter(AloneOrTogether, Chain, Reshaping):
+    """Filter with a transfer function.
 
     Each harmonic of the simulated waveform is multiplied by the transfer function, which is the steady response to a
     periodic beat: no transient, whatever the sampling of the measured waveform. The mean is unchanged.
@@ -83,17 +98,10 @@ class LinearFilter(Chain, Reshaping):
     def transfer(self, sizes: Values, frequency: np.ndarray) -> np.ndarray:
         """Return the transfer function (n, k) at frequencies (k,), Hz, for sizes (n,); 1 at zero frequency."""
 
-    def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        alone = super().places(anatomy, observed)
-        return [*alone, f"every {self.quantities[0]}"] if len(alone) > 1 else alone
-
     def reshaped(self, sizes: Values, series: Series, wave: np.ndarray) -> np.ndarray:
         points = wave.shape[1]
         transfer = self.transfer(sizes, np.fft.rfftfreq(points, series.period / points))
         return np.fft.irfft(np.fft.rfft(wave) * transfer, points)
-
-    def covers(self, place: str, series: Series) -> bool:
-        return series.quantity in self.quantities and place in (series.location, f"every {series.quantity}")
 
 
 class _LowPass(LinearFilter):
@@ -120,6 +128,46 @@ class FlowDelay(_Delay):
     signature = "one flow waveform shifted in time in every condition"
     quantities: ClassVar[tuple[str, ...]] = ("flow",)
     parameters = (Parameter("delay", "s", "normal", 0.0, 0.03, "delay in seconds"),)
+
+
+class _ClockRate(AloneOrTogether, Reshaping):
+    """Clock of a recorder that runs too fast or too slowly, or samples at another rate than stated.
+
+    What is read at the end of a beat is from well before it, or from the next one. Limits of +-5 % for a recorder's
+    time base are taken for the central 90 % of the prior.
+    """
+
+    source = "ANSI/AAMI EC11:1991 (time base of recorders, +-5 %)"
+
+    def reshaped(self, sizes: Values, series: Series, wave: np.ndarray) -> np.ndarray:
+        points = wave.shape[1]
+        at = np.arange(points) * (1.0 - np.asarray(sizes["rate"])[:, None])
+        return np.array(
+            [np.interp(own, np.arange(points), one, period=points) for own, one in zip(at, wave, strict=True)]
+        )
+
+
+class PressureClockRate(_ClockRate):
+    """Pressure whose recorder's clock is fast or slow."""
+
+    name = "pressure_clock_rate"
+    formula = "P_read(t) = P((1 - r) t), t from the start of the beat"
+    signature = "one pressure, or every pressure, the later in the beat the later read, in every condition"
+    parameters = (
+        Parameter("rate", "1", "normal", 0.0, 0.03, "rate of the clock above its nominal one, as a fraction"),
+    )
+
+
+class FlowClockRate(_ClockRate):
+    """Flow whose recorder's clock is fast or slow."""
+
+    name = "flow_clock_rate"
+    formula = "Q_read(t) = Q((1 - r) t), t from the start of the beat"
+    signature = "one flow, or every flow, the later in the beat the later read, in every condition"
+    quantities: ClassVar[tuple[str, ...]] = ("flow",)
+    parameters = (
+        Parameter("rate", "1", "normal", 0.0, 0.03, "rate of the clock above its nominal one, as a fraction"),
+    )
 
 
 class OneDevice(Effect):
