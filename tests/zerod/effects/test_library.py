@@ -13,6 +13,7 @@ from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Series
 from coronaryuq.zerod.effects.library import SEARCHED, effect
+from coronaryuq.zerod.network.waveforms import sampled
 from coronaryuq.zerod.solver.engine import Engine
 from support.pullbacks import pulled_through
 from support.zerod_networks import closed_loop
@@ -322,6 +323,18 @@ def test_a_complete_exchange_swaps_the_values_of_two_beds(tree):
     one["bc_values"], other["bc_values"] = other["bc_values"], one["bc_values"]
     assert found == pytest.approx(flows(swapped, anatomy), rel=1e-6)
     assert abs(found / flows(network, anatomy) - 1.0).max() > 0.1
+
+
+@pytest.mark.parametrize("pulsation", [-0.3, 0.2])
+def test_the_drive_s_pulsation_changes_about_its_mean(tree, pulsation):
+    network, anatomy = tree
+    one = effect("drive_pulsatility")
+    (place,) = one.places(anatomy)
+    ((name, waves),) = one.changes(network, place, {"pulsation": np.array([pulsation, 0.0])}, anatomy, None).items()
+    own = sampled(network, name)
+    assert waves[1] == pytest.approx(own) and np.ptp(own) > 0.0
+    assert waves[0, :-1].mean() == pytest.approx(own[:-1].mean())
+    assert np.ptp(waves[0]) == pytest.approx((1.0 + pulsation) * np.ptp(own)) and waves[0, 0] == waves[0, -1]
 
 
 def test_a_gain_of_the_drive_scales_the_driving_waveform(tree):

@@ -10,7 +10,7 @@ from coronaryuq.zerod.effects.beds import (
     IncompleteHyperaemia,
 )
 from coronaryuq.zerod.effects.collateral import Collateral, DistalCollateral
-from coronaryuq.zerod.effects.drive import DriveGain
+from coronaryuq.zerod.effects.drive import DriveGain, DrivePulsatility
 from coronaryuq.zerod.effects.exchanged_outlets import ExchangedOutlets
 from coronaryuq.zerod.effects.intramyocardial import IntramyocardialDelay, IntramyocardialPressure
 from coronaryuq.zerod.effects.kinetic import BifurcationLoss, OstialLoss
@@ -109,6 +109,7 @@ LIBRARY: tuple[Effect, ...] = (
     BeatAveraging(),
     WireDrift(),
     DriveGain(),
+    DrivePulsatility(),
 )
 
 WIRING_ERRORS: tuple[Effect, ...] = (ExchangedOutlets(), MisattachedBranch())

@@ -56,6 +56,7 @@ EFFECTS = (
     "beat_averaging",
     "wire_drift",
     "drive_gain",
+    "drive_pulsatility",
     "exchanged_outlets",
     "misattached_branch",
 )
