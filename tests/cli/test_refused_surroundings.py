@@ -98,7 +98,7 @@ def test_snakemake_with_a_relative_home_leaves_no_folder_there(tmp_path):
     assert done.returncode == 0 and not (tmp_path / "relative").exists(), done.stderr
 
 
-@pytest.mark.parametrize("module", ["coronaryuq.cli", "coronaryuq.cli.main"])
+@pytest.mark.parametrize("module", ["coronaryuq", "coronaryuq.cli.main"])
 def test_the_command_is_a_module(module):
     done = command("--version", program=(sys.executable, "-m", module))
     assert done.returncode == 0 and done.stdout.startswith("coronaryuq "), done.stderr
