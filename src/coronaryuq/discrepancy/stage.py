@@ -16,6 +16,7 @@ from coronaryuq.discrepancy.hidden import make_case
 from coronaryuq.discrepancy.hidden.experiment import loop_experiment
 from coronaryuq.discrepancy.hidden.reference_gap import known_gap
 from coronaryuq.discrepancy.inference.noise import Noise
+from coronaryuq.discrepancy.inference.outliers import Outlier
 from coronaryuq.discrepancy.inference.read_problem import read_problem, with_noise
 from coronaryuq.discrepancy.result.write import gap_row
 from coronaryuq.discrepancy.selection.observed_noise import with_uneven_noise
@@ -96,15 +97,15 @@ def compare(
     settings = settings.model_copy(update={"threads": threads})
     conditions = read_conditions(case["conditions"])
     problem = read_problem(read_network(case["model"]), case["measurements"], conditions, case["conditions"], settings)
-    answer = read_json(found["answer"], ("noise", "uneven_noise"))
+    answer = read_json(found["answer"], ("noise", "uneven_noise", "outliers"))
     problem = with_uneven_noise(problem, answer["uneven_noise"])
     noise = {quantity: Noise(**values) for quantity, values in answer["noise"].items()}
-    hidden_truth = read_json(truth, ("effect", "place", "size_z"))
-    hidden = effect(hidden_truth["effect"])
-    hypothesis = Hypothesis((PlacedEffect(hidden, hidden_truth["place"]),))
-    sizes = np.full(len(hidden.parameters), hidden_truth["size_z"])
+    hidden = read_json(truth, ("effect", "place", "size_z"))
+    hypothesis = Hypothesis((PlacedEffect(effect(hidden["effect"]), hidden["place"]),))
+    sizes = np.full(len(hypothesis.parameters), hidden["size_z"])
     with threadpool_limits(1):
-        known = known_gap(with_noise(problem, noise) if noise else problem, hypothesis, sizes, seed)
+        noisy = with_noise(problem, noise, [Outlier(**one) for one in answer["outliers"]])
+        known = known_gap(noisy, hypothesis, sizes, seed)
     table = read_csv(found["gaps"])
     row = pd.DataFrame([gap_row("with the true effect", known)], columns=table.columns)
     write_csv(Path(out["table"]), pd.concat([table, row], ignore_index=True))

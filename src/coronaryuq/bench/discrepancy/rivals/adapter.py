@@ -15,7 +15,12 @@ from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.locate import locate
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.candidates import Candidate, all_candidates
-from coronaryuq.discrepancy.selection.observed_noise import observe, with_observed_noise
+from coronaryuq.discrepancy.selection.observed_noise import (
+    observe,
+    uneven_noise,
+    with_observed_noise,
+    with_uneven_noise,
+)
 from coronaryuq.discrepancy.selection.refit import fit_shortlist
 from coronaryuq.discrepancy.selection.score_test import screen
 from coronaryuq.discrepancy.selection.search import recalibrate
@@ -146,8 +151,9 @@ def look(folder: Path, threads: int = 1) -> Seen:
         If the model does not run.
     """
     problem = read_case(folder, threads)
-    fit = problem.calibrate(PLAIN)
-    problem = with_observed_noise(problem, observe(problem, PLAIN, fit), lambda line: None)
+    if uneven := uneven_noise(problem):
+        problem = with_uneven_noise(problem, uneven)
+    problem = with_observed_noise(problem, observe(problem, PLAIN, problem.recalibrated), lambda line: None)
     return Seen(*recalibrate(problem))
 
 
