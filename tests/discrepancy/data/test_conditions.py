@@ -51,6 +51,11 @@ def test_a_percentage_in_place_of_a_factor_is_rejected(tmp_path, scale):
         read(tmp_path, f"rest: {{coronary_resistance_scale: {scale}}}")
 
 
+def test_a_heart_rate_in_place_of_a_factor_on_the_period_is_rejected(tmp_path):
+    with pytest.raises(InputError, match="0.75 for 80 instead of 60 beats/min"):
+        read(tmp_path, "rest: {period_scale: 120}")
+
+
 def test_a_number_that_overflows_is_rejected(tmp_path):
     with pytest.raises(InputError, match="expected a number"):
         read(tmp_path, f"rest: {{period_scale: {'9' * 400}}}")

@@ -161,7 +161,8 @@ def _scale(path: str | Path, where: str, keys: dict) -> float:
     if number <= 0.0:
         raise InputError(path, where, keys[key], "expected a positive number")
     if not 1.0 / LARGEST_SCALE <= number <= LARGEST_SCALE:
-        remedy = f"expected a factor, {1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}; 0.3 for 30 %"
+        example = "0.75 for 80 instead of 60 beats/min" if key == "period_scale" else "0.3 for 30 %"
+        remedy = f"expected a factor, {1.0 / LARGEST_SCALE:g} to {LARGEST_SCALE:g}; {example}"
         raise InputError(path, where, keys[key], remedy)
     return number
 
