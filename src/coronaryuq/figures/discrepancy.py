@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patheffects import withStroke
 
 from coronaryuq.case.anatomy.tree import read_tree
@@ -76,7 +76,7 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
     worst = dict(zip(frame.vessel, frame.disagreement, strict=True))
     # So that what is likely by chance is pale.
     norm = Normalize(0.0, max(3.0 * BY_CHANCE, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
-    colours = colormaps["viridis_r"]
+    colours = ListedColormap(colormaps["YlOrRd"](np.linspace(0.2, 1.0, 256)))
     parents = dict(zip(frame.vessel, frame.parent, strict=True))
     named = {row.vessel: row.named.split("; ") for row in frame.itertuples() if isinstance(row.named, str)}
     # As low as the labels allow: print scales a figure to a quarter of a page.
@@ -97,7 +97,7 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
         title = "Largest misfit after recalibration (in standard deviations expected by chance); grey: not measured"
         axes.set_title(title, loc="left")
         bar = canvas.colorbar(ScalarMappable(norm, colours), ax=axes, shrink=0.7, label="largest misfit (sd)")
-        bar.ax.axhline(BY_CHANCE, color="white", lw=1.5)
+        bar.ax.axhline(BY_CHANCE, color="black", lw=1.5)
 
 
 def _mark(axes, vessel: str, depth: float, height: float, length: float, named: list[str]) -> None:

@@ -142,8 +142,8 @@ SEARCHES = {
         "Misfit along the tree",
         "The arterial tree from left to right, coloured by the largest misfit after recalibration. Diamonds: "
         "named effects, on the vessel or at the bed where they act.",
-        "All vessels pale: up to about 3, the white line of the colour bar, is chance.",
-        "A vessel much darker than the others.",
+        "All vessels pale yellow: up to about 3, the black line of the colour bar, is chance.",
+        "A vessel much darker than the others: orange to dark red.",
         "See which effect is named: it may act elsewhere. Without one, check that instrument and its noise.",
     ),
     "residuals": Caption(

@@ -97,7 +97,8 @@ def test_one_place_where_something_else_shows_is_told_and_no_flow_offered_for_an
     assert "one at the end of lad explains most (12 nats)" in shown_in("flow", "J0:lad", "")
     assert " It probably shows in the pressure at a:b alone (probability 0.51)" in shown_in("pressure", "a:b", "", 0.51)
     assert shown_in("flow", "a:b", "", probability=0.4) == summary_text._source(SOURCE) != ""
-    assert shown_in("flow", "a:b", "", form=UNLISTED, source=None) == ""
+    assert "the flow at a:b alone (probability 0.97)" in shown_in("flow", "a:b", "", form=UNLISTED, source=None)
+    assert shown_in("flow", "a:b", "", form=MISWIRED, source=None) == ""
     assert shown_in("volume", "heart", "").endswith(": an error of that measurement.")
 
 
@@ -110,7 +111,7 @@ def test_one_quantity_or_condition_in_which_something_else_shows_is_told():
     said = "the flow data alone (probability 0.97): an error that they share or of the drive, or a cause that hardly"
     assert said in shown_in("flow", "", "")
     said = " It shows in the pressure data under pacing alone (probability 0.97): check how they and the drive were "
-    assert shown_in("pressure", "", "pacing") == f"{said}recorded."
+    assert shown_in("pressure", "", "pacing") == f"{said}recorded, and what differs then."
 
 
 MOVED = {"name": "coronary resistance", "moved": -3.2, "factor": 0.45, "p": 0.002}

@@ -9,8 +9,8 @@ from coronaryuq.core.wording import interval_text, listed, p_text
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.inference.noise import TOO_LOUD
 
-LEAST_INFORMATION = 0.1
-"""Expected information (nats) below which a measurement does not distinguish a class; of two members at most 0.69."""
+LEAST_INFORMATION = 0.35
+"""Expected information (nats) below which a measurement hardly distinguishes a class: half of log 2, that of two."""
 EXPECTED_MISFIT = "1 is expected from noise and fit uncertainty"
 QUIET, UNLIKELY = 0.5, 1e-4
 """Scatter over the stated standard deviation, and its probability, below which the latter is reported as too large."""
@@ -115,7 +115,7 @@ def next_measurement_text(best_first: Sequence[Mapping]) -> str:
         return ""
     informative = worth_measuring(best_first)
     if not informative:
-        return "No mean pressure or flow of these vessels would distinguish them. "
+        return "No mean pressure or flow of these vessels would distinguish them well. "
     best = informative[0]
     what = f"The mean {best['quantity']} at {best['location']} under {best['condition']}"
     what += ", measured with another instrument," if best["already_measured"] else ""

@@ -116,8 +116,8 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             [f"{phrases.label_text(effect)} ({phrases.size_text(effect['sizes'])})" for effect in implausible]
         )
         reason = (
-            f"{candidate} {'is' if one else 'are'} {labels}, but with an implausibly large size, more than "
-            f"{RULE.implausible:.0f} standard deviations of its prior: {sizes}. No effect is named. {change}"
+            f"{candidate} would be {labels}, but {sizes} would be more than {RULE.implausible:.0f} standard deviations "
+            f"from the prior's mean. No effect is named. {change}"
         )
     elif forms["leading_form"] == VARYING and any(effect["varying"] for effect in best):
         reason = f"{phrases.varying_text(best)}. No effect is named. {change}"
@@ -132,7 +132,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         )
         reason = f"{candidate} {'is' if one else 'are'} {labels}, but {unlisted}. No effect is named. {change}"
     elif forms["support_nats"] < 1.0:
-        reason = f"no effect of the library explains any of it. {residuals} No effect is named."
+        reason = f"no effect of the library explains any of the misfit. {residuals} No effect is named."
     else:
         reason = (
             f"{candidate}, {labels}, {'explains' if one else 'explain'} only a part of it (probability of the "
@@ -186,8 +186,7 @@ def _shown(facts: Mapping, source: Mapping | None) -> str:
     """State in which data alone something else shows, if that is probable, and where an unknown flow may be."""
     forms, likeliest = facts["answer"], _likeliest(facts)
     quantity, place, condition = likeliest["quantity"], likeliest["location"], likeliest["condition"]
-    other_form = forms["leading_form"] in (VARYING, MISWIRED, UNLISTED)
-    if other_form or not (quantity or condition) or likeliest["probability"] < 0.5:
+    if forms["leading_form"] == MISWIRED or not (quantity or condition) or likeliest["probability"] < 0.5:
         return _source(source)
     if not quantity:
         data = f"the data under {condition}"
@@ -198,7 +197,7 @@ def _shown(facts: Mapping, source: Mapping | None) -> str:
         cause = f"an error of that measurement{f', or a {unseen} that it alone shows' if unseen else ''}."
     elif condition:
         data = f"the {quantity} data under {condition}"
-        cause = f"check how they {'and the drive ' if facts['driven'] else ''}were recorded."
+        cause = f"check how they {'and the drive ' if facts['driven'] else ''}were recorded, and what differs then."
     else:
         data, drive = f"the {quantity} data", " or of the drive" if facts["driven"] else ""
         cause = f"an error that they share{drive}, or a cause that hardly changes other quantities."
@@ -219,7 +218,7 @@ def _source(found: Mapping | None) -> str:
     text = f"{best} ({nats:.0f} nats{f'; {listed(rivals)} as well' if rivals else ''})"
     probability = found["laws"][found["law"]]
     if found["law"] not in found["says"]:
-        return f"{text}; its waveform follows none of the laws tried (probability {probability:.2f})."
+        return f"{text}; its waveform follows no law of one size in all conditions (probability {probability:.2f})."
     size, low, high = found["sizes"][found["law"]]
     return (
         f"{text}; its waveform is {found['says'][found['law']]} (probability {probability:.2f}), with a mean of "

@@ -214,7 +214,7 @@ def write(found: Discovery, folder: Path) -> dict:
         model = rewired(as_stated, found.answer.wiring_errors)
     residuals = _residuals(found)
     tables = {
-        "located.csv": pd.DataFrame([vars(group) for group in found.located.groups]),
+        "located.csv": pd.DataFrame([vars(group) | {"unit": "CGS"} for group in found.located.groups]),
         "residuals.csv": residuals,
         "ranking.csv": _ranking(found),
         "sizes.csv": _sizes(found),

@@ -28,8 +28,7 @@ def confirm(problem: Problem, hypothesis: Hypothesis, fit: Fit, rounds: Rounds) 
                 evidence_gain = _of_fitted(problem, fit) - _of_fitted(problem, without)
             odds.append(total + entry.class_log_prior)
             held_out_gain = total - evidence_gain if np.isfinite(total) else np.inf
-            checked = replace(entry, evidence_gain=evidence_gain, held_out_gain=held_out_gain)
-            rounds = replaced(rounds, entry, checked)
+            rounds = replaced(rounds, entry, replace(entry, evidence_gain=evidence_gain, held_out_gain=held_out_gain))
         least = hypothesis.effects[int(np.argmin(odds))]
         remaining, entry = fits[int(np.argmin(odds))], round_of(rounds, least)
         if min(odds) >= problem.settings.min_log_odds or remaining is None:

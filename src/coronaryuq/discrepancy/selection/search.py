@@ -301,17 +301,14 @@ def _check(state: _State, library: Library, report: Report) -> tuple[_State, boo
     """
     report("checking each effect by all data")
     hypothesis, fit, rounds = confirm(state.problem, state.hypothesis, state.fit, state.rounds)
-    count = len(state.hypothesis)
-    state = replace(state, hypothesis=hypothesis, fit=fit, rounds=rounds)
-    if len(hypothesis) == count:
-        return state, True
+    if len(hypothesis) == len(state.hypothesis):
+        return replace(state, hypothesis=hypothesis, fit=fit, rounds=rounds), True
     report(f"all data confirm only {_listed(hypothesis)}")
     problem, fit = state.problem.corrected(hypothesis, fit)
     # Classes were found beside an effect that is gone.
     hypothesis, fit, rounds = backward_step(problem, hypothesis, fit, rounds, recent=0)
     state = replace(state, problem=problem, hypothesis=hypothesis, fit=fit, rounds=rounds)
-    state = state.converged().reassessed(library)
-    return state.without_refuted(), False
+    return state.converged().reassessed(library).without_refuted(), False
 
 
 def _held_out(base_problem: Problem, base: Fit, state: _State, folds: Folds, seed: int) -> tuple[Gaps, float]:

@@ -12,6 +12,7 @@ recordings; where the latter is likelier, no error is named, and sizes have the 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from scipy import stats
@@ -217,7 +218,7 @@ class _Recording:
         self.bases = list(dict.fromkeys([kept, *(kept.without(one) for one in kept)]))
         own = posterior_of_all(self.problem, discovery.fit, discovery.hypothesis)
         self.found = self._fitted(own, discovery.hypothesis, [])
-        self.without = max([*self._fits(None), *([] if self.errors else [self.found])], key=_evidence)
+        self.without = max([*self._fits(None), *([] if self.errors else [self.found])], key=attrgetter("log_evidence"))
 
     def reads(self, effect: Effect) -> bool:
         """Return whether an effect is an error of the chain of this device alone."""
@@ -230,7 +231,7 @@ class _Recording:
 
     def best(self, effect: Effect) -> Fitted | None:
         """Return an error beside the effects of the body that suit it best; None if the model does not run."""
-        return max(self._fits(PlacedEffect(effect, self.reading[1])), key=_evidence, default=None)
+        return max(self._fits(PlacedEffect(effect, self.reading[1])), key=attrgetter("log_evidence"), default=None)
 
     def _fits(self, error: PlacedEffect | None) -> list[Fitted]:
         models = [base if error is None else base.with_(error) for base in self.bases]
@@ -259,10 +260,6 @@ class _Recording:
         waveforms = (series for series in self.problem.forward.measured if series.statistic == "waveform")
         own = {(s.quantity, s.location) for s in waveforms if placed.effect.covers(placed.place, s)}
         return own == {self.reading}
-
-
-def _evidence(fitted: Fitted) -> float:
-    return fitted.log_evidence
 
 
 def _places(problem: Problem, quantity: str) -> list[str]:
