@@ -76,7 +76,8 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
     worst = dict(zip(frame.vessel, frame.disagreement, strict=True))
     # So that what is likely by chance is pale.
     norm = Normalize(0.0, max(3.0 * BY_CHANCE, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
-    colours = ListedColormap(colormaps["YlOrRd"](np.linspace(0.2, 1.0, 256)))
+    shades = np.interp(np.linspace(0.0, norm.vmax, 256), [0.0, BY_CHANCE, norm.vmax], [0.12, 0.3, 1.0])
+    colours = ListedColormap(colormaps["YlOrRd"](shades))
     parents = dict(zip(frame.vessel, frame.parent, strict=True))
     named = {row.vessel: row.named.split("; ") for row in frame.itertuples() if isinstance(row.named, str)}
     # As low as the labels allow: print scales a figure to a quarter of a page.

@@ -190,7 +190,8 @@ SEARCHES = {
         "Misfit on held-out data",
         "Misfit on held-out measurements, with 90 % intervals: residuals divided by the standard deviation "
         "expected from noise and from the uncertainty of the fit.",
-        "With the named effects about 1, as with the flexible discrepancy.",
+        "With the named effects about 1, as with the flexible discrepancy; or below, where the model is nearer to the "
+        "data than is allowed for errors of its vessels, beds and time steps.",
         "Well above 1, or its interval above that of the flexible one.",
         "Something is missing that the library does not have: see the residuals.",
     ),
