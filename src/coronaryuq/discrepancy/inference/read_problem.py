@@ -36,8 +36,7 @@ MISTYPED = {"perfusion": 1e4}
 """Largest plausible ratio of a measured value to the largest simulated value; 50 for other quantities."""
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 8.0, "volume": 20.0}
 """Largest plausible ratio of all mean measured values to the simulated ones; kPa and mmHg differ by a factor of 7.5,
-L/min and mL/s by 16.7, of which half is left to a model that is off. A single flow may be that of a larger vessel: the
-largest simulated one counts for it."""
+L/min and mL/s by 16.7, of which half is left to a model that is off. A single flow may be that of a larger vessel."""
 LEAST_MEAN = 0.05
 """Smallest simulated mean, over the largest value of the quantity, that a ratio is taken to."""
 LEAST_WHITE = 0.1
@@ -118,7 +117,7 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
     for quantity in dict.fromkeys(series.quantity for series in forward.measured):
         mine = [(s, p[0]) for s, p in zip(forward.measured, predicted, strict=True) if s.quantity == quantity]
         kind = quantity.removeprefix(OF_WIRE)
-        largest, highest = max(np.abs(p).max() for _, p in mine), max((p for _, p in mine), key=lambda p: abs(p).mean())
+        largest = max(np.abs(p).max() for _, p in mine)
         if not np.isfinite(largest) or largest == 0.0:
             continue
         if quantity == "flow" and len({s.location for s, _ in mine}) > 1 and all(_opposite(s, p) for s, p in mine):
@@ -132,9 +131,8 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
                 at = "" if s.time is None else f", t = {s.time[worst]:.4g} s"
                 where = f"{s.condition}/{quantity}/{s.location}/{s.statistic}{at}: ratio to the largest simulated value"
                 raise InputError(file, where, float(f"{times:.3g}"), "check the value and its unit")
-            for at in {"pressure": (f"at {s.location} ",), "flow": ("", f"at {s.location} ")}.get(kind, ("",)):
-                simulated = highest if at and kind == "flow" else own
-                groups.setdefault(f"{quantity} {at}under {s.condition}", []).append((s, simulated))
+            at = f"at {s.location} " if kind == "pressure" else ""
+            groups.setdefault(f"{quantity} {at}under {s.condition}", []).append((s, own))
         for where, group in groups.items():
             # A mean near zero, as of a flow through a closed valve, has no ratio.
             ratios = [np.abs(s.value).mean() / max(np.abs(p).mean(), LEAST_MEAN * largest) for s, p in group]
