@@ -75,9 +75,9 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
         leaves = place_subtree(root, 0, leaves)
     worst = dict(zip(frame.vessel, frame.disagreement, strict=True))
     # So that what is likely by chance is pale.
-    norm = Normalize(0.0, max(3.0 * BY_CHANCE, np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
-    shades = np.interp(np.linspace(0.0, norm.vmax, 256), [0.0, BY_CHANCE, norm.vmax], [0.12, 0.3, 1.0])
-    colours = ListedColormap(colormaps["YlOrRd"](shades))
+    largest = max(3.0 * BY_CHANCE, float(np.nanmax(frame.disagreement.to_numpy(), initial=0.0)))
+    shades = np.interp(np.linspace(0.0, largest, 256), [0.0, BY_CHANCE, largest], [0.12, 0.3, 1.0])
+    norm, colours = Normalize(0.0, largest), ListedColormap(colormaps["YlOrRd"](shades))
     parents = dict(zip(frame.vessel, frame.parent, strict=True))
     named = {row.vessel: row.named.split("; ") for row in frame.itertuples() if isinstance(row.named, str)}
     # As low as the labels allow: print scales a figure to a quarter of a page.
