@@ -104,8 +104,9 @@ def compare(
     hypothesis = Hypothesis((PlacedEffect(effect(hidden["effect"]), hidden["place"]),))
     sizes = np.full(len(hypothesis.parameters), hidden["size_z"])
     with threadpool_limits(1):
-        noisy = with_noise(problem, noise, [Outlier(**one) for one in answer["outliers"]])
-        known = known_gap(noisy, hypothesis, sizes, seed)
+        if noise or answer["outliers"]:
+            problem = with_noise(problem, noise, [Outlier(**one) for one in answer["outliers"]])
+        known = known_gap(problem, hypothesis, sizes, seed)
     table = read_csv(found["gaps"])
     row = pd.DataFrame([gap_row("with the true effect", known)], columns=table.columns)
     write_csv(Path(out["table"]), pd.concat([table, row], ignore_index=True))

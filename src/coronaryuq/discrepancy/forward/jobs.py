@@ -15,6 +15,7 @@ from coronaryuq.zerod.solver.engine import Engine
 from coronaryuq.zerod.solver.warm_starts import Point, Structure
 
 Value = float | np.ndarray
+"""Of one run, or of each of several."""
 Scaled = dict[str, list[int]]
 """ "BLOCK.parameter", or `BLOOD`, → numbers of the factors that multiply its value, in that order."""
 
@@ -79,10 +80,10 @@ class Job:
 
     def table(self, prepared: Prepared) -> dict[str, np.ndarray | float]:
         """Return all changes of the run, "BLOCK.parameter" → value."""
-        values, factors = dict(self.effects), self.factors
+        values = dict(self.effects)
         for name, numbers in _of_network(self.scaled).items():
             own = prepared.own(self.condition, name)
-            values[name] = _scaled(name, own, values.get(name, own), [factors[number] for number in numbers])
+            values[name] = _scaled(name, own, values.get(name, own), self.factors[numbers])
         return values
 
 

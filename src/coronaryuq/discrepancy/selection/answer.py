@@ -150,13 +150,8 @@ def answer(
         other[REMAINDER] = prior + OUTSIDE + found.unknown
         # An implausible effect may ruin a condition in which nothing else is wrong.
         seen = found if other[REMAINDER] > alone and not implausible else plain
-        other[VARYING] = (
-            right
-            + OUTSIDE
-            + VARIES
-            + float(logsumexp([entry.log_odds for entry in constancies]))
-            - np.log(len(constancies))
-        )
+        differs = float(logsumexp([entry.log_odds for entry in constancies]) - np.log(len(constancies)))
+        other[VARYING] = right + OUTSIDE + VARIES + differs
         other[MISWIRED] = right + float(logsumexp([0.0 if wiring else -np.inf, *rivals.values()]))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
         other[UNLISTED] = float(logsumexp([-np.inf, *responses.values()])) - lacking

@@ -50,13 +50,12 @@ class DriveGain(Drive):
 class DrivePulsatility(Drive):
     """Pulsation of the drive that is too small or too large in the model, about a right mean.
 
-    Images average over their temporal resolution and over beats; catheters damp a pulse, or overshoot by a tenth to a
-    fifth.
+    Images average over their temporal resolution and over beats; catheters damp a pulse, or overshoot.
     """
 
     name = "drive_pulsatility"
     formula = "x_in(t) = mean + (1 + p) (x_in,model(t) - mean)"
-    source = "Gardner, Anesthesiology 54 (1981) 227 (pulse pressures through catheters); the spread is our judgement"
+    source = "Gardner, Anesthesiology 54 (1981) 227 (systolic pressure too high or low); the spread is our judgement"
     signature = "the pulsation of all pressures and flows wrong by one factor, with right means, in every condition"
     parameters = (Parameter("pulsation", "1", "normal", 0.0, 0.15, "pulsation over that of the model, minus 1"),)
 

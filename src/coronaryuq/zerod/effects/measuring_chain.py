@@ -21,10 +21,7 @@ MEASUREMENT_OF_FLOW = "Nichols et al., McDonald's Blood Flow in Arteries, 6th ed
 
 
 class Recorded(Effect):
-    """Base class of what acts on the waveforms of one instrument.
-
-    Sizes are in seconds, as those of a line, a filter or a trigger do not depend on the heart rate.
-    """
+    """Base class of what acts on the waveforms of one instrument."""
 
     side = "measurement"
     native = NATIVE
@@ -51,7 +48,10 @@ class AloneOrTogether(Recorded):
 
 
 class Chain(Recorded):
-    """Base class of linear responses of an instrument, the same at all times: two of them may be a third."""
+    """Base class of linear responses of an instrument, the same at all times: two of them may be a third.
+
+    Sizes are in seconds, as those of a line, a filter or a trigger do not depend on the heart rate.
+    """
 
 
 class _Delay(Chain):
@@ -133,11 +133,13 @@ class FlowDelay(_Delay):
 class _ClockRate(AloneOrTogether, Reshaping):
     """Clock of a recorder that runs too fast or too slowly, or samples at another rate than stated.
 
-    What is read at the end of a beat is from well before it, or from the next one. Limits of +-5 % for a recorder's
-    time base are taken for the central 90 % of the prior.
+    What is read at the end of a beat is from well before it, or from the next one.
     """
 
-    source = "ANSI/AAMI EC11:1991 (time base of recorders, +-5 %)"
+    source = "own derivation; the spread, a few per cent as of paper or film at a wrong speed, is our judgement"
+    parameters = (
+        Parameter("rate", "1", "normal", 0.0, 0.03, "rate of the clock above its nominal one, as a fraction"),
+    )
 
     def reshaped(self, sizes: Values, series: Series, wave: np.ndarray) -> np.ndarray:
         points = wave.shape[1]
@@ -153,9 +155,6 @@ class PressureClockRate(_ClockRate):
     name = "pressure_clock_rate"
     formula = "P_read(t) = P((1 - r) t), t from the start of the beat"
     signature = "one pressure, or every pressure, the later in the beat the later read, in every condition"
-    parameters = (
-        Parameter("rate", "1", "normal", 0.0, 0.03, "rate of the clock above its nominal one, as a fraction"),
-    )
 
 
 class FlowClockRate(_ClockRate):
@@ -165,9 +164,6 @@ class FlowClockRate(_ClockRate):
     formula = "Q_read(t) = Q((1 - r) t), t from the start of the beat"
     signature = "one flow, or every flow, the later in the beat the later read, in every condition"
     quantities: ClassVar[tuple[str, ...]] = ("flow",)
-    parameters = (
-        Parameter("rate", "1", "normal", 0.0, 0.03, "rate of the clock above its nominal one, as a fraction"),
-    )
 
 
 class OneDevice(Effect):
