@@ -13,7 +13,9 @@ from coronaryuq.discrepancy.inference import gp_discrepancy
 from coronaryuq.discrepancy.inference.cross_validation import evidence_of_all
 from coronaryuq.discrepancy.inference.evidence import Data
 from coronaryuq.discrepancy.inference.flexible import AMPLITUDES, RIGHT, UNKNOWN
+from coronaryuq.discrepancy.selection import answer as answer_module
 from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, NAMES, NOTHING, OTHER, REMAINDER, VARYING, answer
+from coronaryuq.discrepancy.selection.size_constancy import Constancy
 from support.hypotheses import assume
 from support.linear_problem import here, linear_problem
 
@@ -145,3 +147,19 @@ def test_probabilities_are_frequencies():
         if own.sum() > 10:
             error = np.sqrt(stated[own].mean() * (1.0 - stated[own].mean()) / own.sum())
             assert abs(right[own].mean() - stated[own].mean()) < 4.0 * error + 0.02, (low, own.sum())
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_sizes_that_vary_have_a_quarter_of_the_prior_however_many_effects_there_are(monkeypatch, count):
+    """Where no size differs more or less than it does not, names keep four times the odds of something else."""
+    problem, effects = problem_of(RESPONSE), [FOUND, here("second")][:count]
+    problem.forward.responses |= {effect: np.cos(2.0 * np.pi * PHASE) for effect in effects[1:]}
+    same = [Constancy(effect, 0.0, {}) for effect in effects]
+    monkeypatch.setattr(answer_module, "constancy", lambda *given: same)
+    hypothesis, flexible = assume(*effects), gp_discrepancy.Flexible(np.zeros((ROWS, 1)), np.zeros(ROWS, dtype=int))
+    problem.__dict__["flexible"] = flexible
+    base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
+    plain = evidence_of_all(problem, base, PLAIN)
+    found = answer(problem, plain, fit, hypothesis, [PRIOR] * count, POSSIBLE, {})
+    odds = found.forms[VARYING] / found.probabilities[NAMES]
+    assert odds == pytest.approx(0.25 * RULE.prior_outside / RULE.prior_named)

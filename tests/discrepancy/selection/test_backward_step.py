@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.decision_rule import RULE
+from coronaryuq.discrepancy.forward.hypothesis import PLAIN
 from coronaryuq.discrepancy.selection.backward_step import backward_step
 from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from support.hypotheses import assume
@@ -96,3 +98,23 @@ def test_a_round_whose_other_effects_were_replaced_scores_all_its_candidates_aga
     rounds = replace(first, others=case.hypothesis(company)), second
     kept, _, _ = backward_step(problem, hypothesis, problem.calibrate(hypothesis), rounds)
     assert names(kept) == expected
+
+
+@pytest.mark.parametrize(("odds", "kept"), [(1.5, True), (-1.5, False)])
+def test_the_only_effect_left_has_to_be_likelier_than_none_as_in_a_forward_step(odds, kept):
+    """And its class is judged beside nothing else, whatever it had been found beside."""
+    random, only = generator(7, "test", "look back"), here("only")
+    design, along, noise = random.standard_normal((ROWS, NUISANCES)), *random.standard_normal((2, ROWS))
+
+    def fitted(size):
+        problem = linear_problem(design, {only: along}, size * along + noise)
+        fit = problem.calibrate(assume(only))
+        return problem, fit, fit.evidence + PRIOR - problem.calibrate(PLAIN).evidence
+
+    problem, fit, found = min((fitted(size) for size in np.linspace(0.0, 1.0, 400)), key=lambda one: abs(one[2] - odds))
+    assert found == pytest.approx(odds, abs=0.3)
+    candidate = Candidate(only, PRIOR, z_score=10.0, guess=1.0)
+    rounds = (Round([], candidate, [candidate], [candidate], assume(here("gone"))),)
+    hypothesis, _, (entry,) = backward_step(problem, assume(only), fit, rounds, recent=0)
+    assert (hypothesis == assume(only)) is kept and (entry.accepted is not None) is kept
+    assert not kept or entry.others == PLAIN

@@ -18,7 +18,7 @@ from coronaryuq.discrepancy.result.summary_text import paragraph
 from coronaryuq.discrepancy.result.write import summary
 from coronaryuq.discrepancy.selection import search
 from coronaryuq.discrepancy.selection.answer import NAMES, NOTHING, OTHER
-from coronaryuq.discrepancy.selection.candidates import Candidate
+from coronaryuq.discrepancy.selection.candidates import Candidate, Round
 from coronaryuq.discrepancy.selection.observed_noise import Observed
 from coronaryuq.discrepancy.selection.search import evidence_p_value, recalibrate, search_without_confounder
 from support.discoveries import discovery
@@ -128,6 +128,23 @@ def test_what_only_the_stated_noise_shows_is_named_if_it_is_likelier(monkeypatch
     monkeypatch.setattr(search, "_search", lambda noise, *given, **more: estimated if noise else stated)
     found = search.discover(estimated.problem, 1, LIBRARY)
     assert bool(found.named) is stands and bool(found.noise) is not stands
+
+
+def test_classes_are_judged_again_after_the_confirmation_has_removed_an_effect(monkeypatch):
+    random, kept, gone = generator(8, "test", "check"), here("kept"), here("gone")
+    design, along, other, noise = random.standard_normal((120, 2)), *random.standard_normal((3, 120))
+    problem, both = linear_problem(design, {kept: along, gone: other}, along + noise), assume(kept, gone)
+    candidates = [Candidate(placed, -3.0, z_score=10.0, guess=1.0) for placed in both]
+    rounds = tuple(Round([], c, [c], candidates, both.without(c.placed)) for c in candidates)
+    left = rounds[0], replace(rounds[1], accepted=None, refuted=candidates[1])
+    fit, fits = problem.calibrate(assume(kept)), problem.calibrate(both)
+    monkeypatch.setattr(search, "confirm", lambda *given: (assume(kept), fit, left))
+    monkeypatch.setattr(search._State, "converged", lambda state: state)
+    monkeypatch.setattr(search._State, "reassessed", lambda state, library: state)
+    state = search._State(problem, both, fits, None, candidates, 2, rounds)
+    after, confirmed = search._check(state, (), lambda line: None)
+    assert not confirmed and after.hypothesis == assume(kept) and after.refused == {gone}
+    assert after.rounds[0].others == PLAIN and after.rounds[0].accepted.placed == kept
 
 
 @pytest.mark.long
