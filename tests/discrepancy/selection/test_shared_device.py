@@ -41,17 +41,6 @@ def test_common_sizes_have_the_evidence_and_the_moments_of_all_data_together(see
     assert found.mean == pytest.approx(whole.mean) and found.covariance == pytest.approx(whole.covariance)
 
 
-def test_the_p_value_of_equal_sizes_is_uniform_where_they_are_equal():
-    """Kolmogorov-Smirnov distance of 400 p-values, at its 0.1 % point."""
-    random, p = np.random.default_rng(3), []
-    for _ in range(400):
-        slopes, size = random.normal(0, 2, (3, 5)), random.normal()
-        each = {str(k): alone(one, one * size + random.normal(size=5)) for k, one in enumerate(slopes)}
-        p.append(combined(LOW_PASS, each).agreement)
-    steps = np.arange(1, 401) / 400
-    assert np.max(np.abs(np.sort(p) - steps)) < 1.95 / np.sqrt(400)
-
-
 def hidden(folder, seed: int, size: float | None):
     experiment = open_loop()
     hypothesis = Hypothesis(() if size is None else (PlacedEffect(LOW_PASS, PLACE),))

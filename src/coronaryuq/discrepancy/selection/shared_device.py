@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
-from scipy import stats
 from scipy.special import logsumexp
 
+from coronaryuq.core.common_value import common_value
 from coronaryuq.core.errors import InputError
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
@@ -174,33 +174,9 @@ def combined(effect: Effect, each: Mapping[str, Fitted]) -> SharedError:
     each
         Recording → the error in that recording alone.
     """
-    fits = list(each.values())
-    precisions = [np.linalg.inv(one.covariance) for one in fits]
-    pulls = [precision @ one.mean for precision, one in zip(precisions, fits, strict=True)]
-    data = [_of_data(precision) for precision in precisions]
-    covariance = np.linalg.inv(np.eye(len(pulls[0])) + sum(data))
-    mean = covariance @ sum(pulls)
-    log_overlap = 0.5 * (sum(pulls) @ mean + np.linalg.slogdet(covariance)[1]) + 0.5 * sum(
-        np.linalg.slogdet(precision)[1] - one.mean @ pull
-        for precision, one, pull in zip(precisions, fits, pulls, strict=True)
-    )
-    agreement = _agreement(data, pulls)
-    evidence = sum(one.log_evidence for one in fits) + float(log_overlap)
-    return SharedError(effect, evidence, mean, covariance, each, agreement)
-
-
-def _of_data(precision: np.ndarray) -> np.ndarray:
-    """Return the part (k, k) of a posterior's precision that the data have, without that of the prior."""
-    values, vectors = np.linalg.eigh(precision - np.eye(len(precision)))
-    return (vectors * np.maximum(values, 0.0)) @ vectors.T
-
-
-def _agreement(data: Sequence[np.ndarray], pulls: Sequence[np.ndarray]) -> float:
-    """Return the p-value of equal sizes: without the common prior, those by each recording are independent."""
-    common = np.linalg.pinv(sum(data)) @ sum(pulls)
-    off = [np.linalg.pinv(own) @ pull - common for own, pull in zip(data, pulls, strict=True)]
-    distance = sum(size @ own @ size for size, own in zip(off, data, strict=True))
-    return float(stats.chi2.sf(distance, len(common) * (len(data) - 1)))
+    common = common_value([one.mean for one in each.values()], [one.covariance for one in each.values()])
+    evidence = sum(one.log_evidence for one in each.values()) + common.log_overlap
+    return SharedError(effect, evidence, common.mean, common.covariance, each, common.agreement)
 
 
 class _Recording:
