@@ -134,20 +134,20 @@ def test_the_evidence_is_the_mean_of_the_densities_of_the_data(problem, noises):
     shared = partial(smooth, common=True)
     right = averaged(problem, noises, lambda pair: in_rows(np.ones(ROWS), RIGHT, pair))
     assert found.right == pytest.approx(right + constant - 2.5, abs=1e-7)
-    forms = [rows_of(), rows_of(0), rows_of(0, 1), rows_of(0, 2), rows_of(2)]
+    forms = [rows_of(), rows_of(0), rows_of(0, 1), rows_of(0, 1, 2), rows_of(0, 2), rows_of(2)]
 
     def anywhere(pair) -> float:
         each = [[in_rows(rows, UNKNOWN, pair) for rows in form] for form in forms]
         for where, features in ((0,), shared), ((0, 2), shared), ((0, 1), rough):
             each.append([in_rows(rows, UNKNOWN, pair, features) for rows in rows_of(*where)])
-        return float(logsumexp([logsumexp(form) - np.log(len(form)) for form in each]) - np.log(8.0))
+        return float(logsumexp([logsumexp(form) - np.log(len(form)) for form in each]) - np.log(9.0))
 
     assert found.unknown == pytest.approx(averaged(problem, noises, anywhere) + constant - 2.5, abs=1e-6)
-    assert len(found.shown) == 1 + 2 + 3 + 3 + 2
+    assert len(found.shown) == 1 + 2 + 3 + 4 + 3 + 2
     at_b, paced = rows_of(0, 1)[1], rows_of(0, 2)[1]
     for where, rows, shapes in (("b", ""), at_b, (smooth, rough)), (("", "pacing"), paced, (smooth, shared)):
         each = [averaged(problem, noises, partial(in_rows, rows, UNKNOWN, features=one)) for one in shapes]
-        only = logsumexp(each) - np.log(8.0 * 3.0)
+        only = logsumexp(each) - np.log(9.0 * 3.0)
         assert found.shown["pressure", *where] == pytest.approx(only + constant - 2.5, abs=1e-6)
 
 
@@ -188,7 +188,7 @@ def test_something_else_in_single_values_alone_exceeds_their_noise(problem):
     gross = in_rows(1.0 - waves, np.eye(SAMPLES + 1) * LEAST / least)
     constant = 0.5 * (SAMPLES + 1) * np.log(2.0 * np.pi)
     either = logsumexp([one, gross]) - np.log(2.0)
-    assert found == pytest.approx(logsumexp([both, *6 * [either], by_sample]) - np.log(8.0) + constant, abs=1e-7)
+    assert found == pytest.approx(logsumexp([both, *7 * [either], by_sample]) - np.log(9.0) + constant, abs=1e-7)
 
 
 def means(random, wrong: float = 0.0):

@@ -6,14 +6,15 @@ plausible, and where something else shows, with one amplitude as a fraction of e
 - in all data, independently at each place;
 - in one quantity alone, as a flow that is diverted hardly changes pressures;
 - at one place alone, as an error of a probe;
-- the same with every sample independent of its neighbours, as spikes, steps and fast oscillations that no smooth
+- there under one condition alone, as a probe that slipped;
+- at one place with every sample independent of its neighbours, as spikes, steps and fast oscillations that no smooth
   function follows, and that would look like noise of all probes otherwise;
 - in one quantity under one condition alone, as a recording that went wrong;
 - under one condition alone, in all its data, as a state of the patient that the conditions do not describe;
 - in one quantity, the same at all places, as an error of the device that reads them;
 - the same under one condition alone.
 
-The eight are equally likely. In single values alone it exceeds their noise: less could not be distinguished from that.
+The nine are equally likely. In single values alone it exceeds their noise: less could not be distinguished from that.
 
 Waveforms have independent errors given the parameters of the model, and something else independent parts: one per
 measured place and quantity, one per condition of these, or one per quantity. So every quantity contributes a matrix of
@@ -94,8 +95,8 @@ class Data:
             name: [_Whitening.under(noise, chosen, sd, waves[name]) for noise in noises[name]] for name in self.names
         }
         alone, shared = (gp_discrepancy.features(problem, common)[chosen] for common in (False, True))
-        forms = everywhere, by_quantity, by_place, rough, by_recording, by_condition, common, common_there = [
-            defaultdict[Where, list[Part]](list) for _ in range(8)
+        forms = everywhere, by_quantity, by_place, by_series, rough, by_recording, by_condition, common, common_there = [
+            defaultdict[Where, list[Part]](list) for _ in range(9)
         ]
         blocks = gp_discrepancy.blocks(problem)[chosen]
         for number in np.unique(blocks):
@@ -109,6 +110,7 @@ class Data:
         for number, own in rows.items():
             one = series[number]
             part = Part(own, alone[own], one.quantity, self.noises[one.quantity])
+            by_series[one.quantity, one.location, one.condition].append(part)
             by_recording[one.quantity, "", one.condition].append(part)
             by_condition["", "", one.condition].append(part)
             if one.value.size > 1:
