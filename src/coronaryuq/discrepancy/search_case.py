@@ -66,7 +66,7 @@ def searched(
     print_notes(network, model)
     check_searchable(network, model)
     try:
-        problem = read_problem(network, measurements, known, conditions, settings)
+        problem = read_problem(network, measurements, known, conditions, settings, _report)
     except InputError as error:
         if error.file in UNNAMED:
             raise InputError(model, error.field, error.value, error.remedy) from None

@@ -105,6 +105,21 @@ def test_extreme_but_possible_measurements_are_accepted(stenosis_case, tmp_path,
     assert np.isfinite(problem.y).all()
 
 
+@pytest.mark.parametrize(("factor", "said"), [(-1.0, "opposite to"), (0.06, "0.0"), (1.0, None)])
+def test_a_flow_of_another_sign_or_unit_than_the_model_is_noted(stenosis_case, tmp_path, factor, said):
+    """It is not refused: what is missing may have stopped or reversed it."""
+    folder, lines = stenosis_case[0], []
+    table, conditions = pd.read_csv(folder / "measurements.csv"), read_conditions(folder / "conditions.yaml")
+    changed = table.assign(value=np.where(_in_the_lcx(table), factor * table.value, table.value))
+    changed.to_csv(tmp_path / "m.csv", index=False)
+    network = read_network(folder / "model.json")
+    read_problem(network, tmp_path / "m.csv", conditions, "c", Settings(), lines.append)
+    own = [f"{name}/flow/lcx:BC_lcx: mean {said}" for name in table[_in_the_lcx(table)].condition.unique() if said]
+    assert len(lines) == len(own)
+    for line, start in zip(lines, own, strict=True):
+        assert line.startswith(f"note: {tmp_path / 'm.csv'}: {start}") and line.endswith("check its sign and unit")
+
+
 def test_means_that_set_a_free_parameter_cannot_also_verify_it(stenosis_case, tmp_path):
     folder = stenosis_case[0]
     table = pd.read_csv(folder / "measurements.csv")

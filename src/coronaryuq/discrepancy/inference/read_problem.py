@@ -1,6 +1,6 @@
 """From files to a problem: network, conditions and measurements, checked against each other."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -75,9 +75,12 @@ def read_series(
 
 
 def read_problem(
-    network: Network, measurements: str | Path, conditions: dict[str, Condition], file: str | Path, settings: Settings
-) -> Problem:
+    network: Network, measurements: str | Path, conditions: dict[str, Condition], file: str | Path, settings: Settings,
+    note: Callable[[str], None] = lambda line: None,
+) -> Problem:  # fmt: skip
     """Check measurements and conditions against the network and join them. `file`: the conditions file, for messages.
+
+    note: called with a line on every flow that may be in another unit or of reversed sign.
 
     Raises `InputError`: see `read_measurements`; also when every measured condition is held out.
     """
@@ -88,7 +91,8 @@ def read_problem(
         raise InputError(file, "held_out", held, "every measured condition is held out; fit at least one")
     problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
     _check_root(problem)
-    _check_sizes(problem, measurements)
+    for line in _check_sizes(problem, measurements):
+        note(f"note: {measurements}: {line}")
     if not folds_of(problem, held):
         remedy = (
             "held-out means only determine the free parameters, so nothing remains for validation; add measurements"
@@ -106,13 +110,14 @@ def _check_root(problem: Problem) -> None:
         raise InputError("model", "mean root pressure (mmHg)", float(f"{pressure:.3g}"), remedy)
 
 
-def _check_sizes(problem: Problem, file: str | Path) -> None:
+def _check_sizes(problem: Problem, file: str | Path) -> list[str]:
     """Reject measurements far from all simulated values: they are in another unit, or mistyped.
 
-    Each pressure may be in a unit of its own, and so may the flows of each condition. A single flow may be much smaller
-    than the model's, in a nearly closed vessel; the scale of perfusion is determined by the data.
+    Each pressure may be in a unit of its own, and so may the flows of each condition. A single flow may be that of
+    another vessel, nearly zero or reversed by what is missing, so that only notes are returned of it; the scale of
+    perfusion is determined by the data.
     """
-    forward = problem.forward
+    forward, notes = problem.forward, list[str]()
     predicted = forward.split(forward.predict(np.zeros(problem.count)))
     for quantity in dict.fromkeys(series.quantity for series in forward.measured):
         mine = [(s, p[0]) for s, p in zip(forward.measured, predicted, strict=True) if s.quantity == quantity]
@@ -143,6 +148,11 @@ def _check_sizes(problem: Problem, file: str | Path) -> None:
                 told = float(f"{times if times > limit else most:.3g}")
                 remedy = "check the column unit, and the unit of the model"
                 raise InputError(file, f"{where}: ratio of measured to simulated values", told, remedy)
+            for (s, own), ratio in zip(group, ratios, strict=True) if kind == "flow" else ():
+                apart = not 1.0 / limit < ratio < limit and bool(np.abs(own).mean() > LEAST_MEAN * largest)
+                if off := "opposite to" if _opposite(s, own) else f"{ratio:.2g} times" * apart:
+                    notes.append(f"{s.condition}/flow/{s.location}: mean {off} the model's; check its sign and unit")
+    return notes
 
 
 def _opposite(series: Measured, predicted: np.ndarray) -> bool:
