@@ -1,14 +1,18 @@
 """The paragraph of a search says what its answer is."""
 
+import pytest
+
 from coronaryuq.discrepancy.result import summary_text
 from coronaryuq.discrepancy.result.phrases import detectable_text, overstated_sd_warning
 from coronaryuq.discrepancy.result.summary_text import DENSITY
 from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, NAMES, NOTHING, OTHER, UNLISTED
+from coronaryuq.discrepancy.selection.answer import SOURCE as FLOW_SOURCE
+
+BEST = [{"effect": name, "place": "a:b", "implausible": False} for name in ("pressure_low_pass", "pressure_delay")]
 
 
-def told(form, wiring_errors=()):
-    """What the paragraph says of two errors of one device if the answer is something else."""
-    best = [{"effect": name, "place": "a:b", "implausible": False} for name in ("pressure_low_pass", "pressure_delay")]
+def told(form, wiring_errors=(), best=BEST):
+    """What the paragraph says of effects, by default two errors of one device, if the answer is something else."""
     gaps = {"before": {"misfit": 1.9}, "after": {"misfit": 1.1}, "scheme": "declared", "conditions": ["x"]}
     answer = {
         "held_out": gaps,
@@ -16,6 +20,8 @@ def told(form, wiring_errors=()):
         "facts": {"best": best, "answer": form, "waveforms": True, "unexplained": bool(wiring_errors)},
         "remaining": {"p": 3e-9},
         "held_out_conditions": ["x"],
+        "alarm": True,
+        "rounds": [],
     }
     return summary_text._outside_library(answer, ["x"])
 
@@ -25,14 +31,11 @@ def test_the_device_of_an_unlisted_response_is_told():
     form |= {"device": "pressure at a:b", "picked_up": []}
     assert told(form).startswith(
         "Something other than an effect of the library is missing (probability 0.98): the best candidates are pressure "
-        "low pass at a:b and pressure delay at a:b, but one linear response of the device that reads pressure at a:b, "
-        "of a shape that the library does not list, is likelier. No effect is named. "
+        "low pass at a:b and pressure delay at a:b, but a linear response, not listed in the library, of the device "
+        "that reads pressure at a:b is likelier. No effect is named. "
     )
-
-    assert (
-        "but it is likelier that the device that reads pressure at a:b also picks up the flow at b:BC_b, through a "
-        "linear response that the library does not list. No effect is named. "
-    ) in told(form | {"picked_up": ["flow at b:BC_b"]})
+    picks_up = "that reads pressure at a:b to the flow at b:BC_b is likelier. No effect is named. "
+    assert picks_up in told(form | {"picked_up": ["flow at b:BC_b"]})
 
 
 def test_each_quantity_has_standard_deviations_that_may_be_too_large():
@@ -45,7 +48,15 @@ def test_each_quantity_has_standard_deviations_that_may_be_too_large():
 def test_signals_that_the_data_do_not_tell_apart_are_told():
     form = {"probabilities": {NAMES: 0.02, OTHER: 0.98}, "leading_form": UNLISTED}
     form |= {"device": "flow at a:b", "picked_up": ["pressure at a:b", "drive AORTA"]}
-    assert "also picks up the pressure at a:b or the drive AORTA, through" in told(form)
+    assert "to the pressure at a:b or the drive AORTA is likelier" in told(form)
+
+
+@pytest.mark.parametrize("form", [UNLISTED, FLOW_SOURCE])
+def test_what_something_else_probably_is_is_told_where_no_effect_is_worth_naming(form):
+    forms = {"probabilities": {NAMES: 0.0, OTHER: 0.98}, "leading_form": form, "device": "flow at a:b", "picked_up": []}
+    kind = {UNLISTED: "a linear response, not listed in the library, of the device that reads flow at a:b"}
+    kind[FLOW_SOURCE] = "a flow into or out of the vessels at one node"
+    assert f"is missing (probability 0.98), probably {kind[form]}. The residual" in told(forms, best=[])
 
 
 def test_a_wiring_error_is_told_as_what_is_wrong_in_the_model():

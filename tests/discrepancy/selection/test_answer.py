@@ -53,7 +53,7 @@ def weighed(problem, effect=FOUND, rivals=types.MappingProxyType({})):
         problem.__dict__["all_data"] = Data(problem, np.ones(len(problem.y), dtype=bool))
     hypothesis = assume(effect)
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
-    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [PRIOR], POSSIBLE, rivals)
+    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [PRIOR], POSSIBLE, rivals, {})
 
 
 @pytest.mark.parametrize("change", [RESPONSE, *(size * np.cos(4.0 * np.pi * PHASE) for size in (100.0, 250.0, 600.0))])
@@ -160,6 +160,6 @@ def test_sizes_that_vary_have_a_quarter_of_the_prior_however_many_effects_there_
     problem.__dict__["flexible"] = flexible
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
     plain = evidence_of_all(problem, base, PLAIN)
-    found = answer(problem, plain, fit, hypothesis, [PRIOR] * count, POSSIBLE, {})
+    found = answer(problem, plain, fit, hypothesis, [PRIOR] * count, POSSIBLE, {}, {})
     odds = found.forms[VARYING] / found.probabilities[NAMES]
     assert odds == pytest.approx(0.25 * RULE.prior_outside / RULE.prior_named)

@@ -66,7 +66,7 @@ def weighed(problem, *effects):
     hypothesis = assume(*effects)
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis)
     plain = evidence_of_all(problem, base, PLAIN)
-    return answer(problem, plain, fit, hypothesis, [LISTED] * len(effects), LIBRARY, {})
+    return answer(problem, plain, fit, hypothesis, [LISTED] * len(effects), LIBRARY, {}, {})
 
 
 def test_effects_that_imitate_a_picked_up_slope_are_not_believed():

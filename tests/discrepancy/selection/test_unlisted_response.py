@@ -20,6 +20,7 @@ from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.answer import NAMES, UNLISTED, answer
 from coronaryuq.discrepancy.selection.unlisted_response import (
+    Response,
     devices_of,
     log_prior_of_errors,
     possible_responses,
@@ -75,7 +76,9 @@ def weighed(problem, *effects):
     hypothesis = assume(*effects)
     start = np.zeros(1 + len(effects))
     base, fit = problem.calibrate(PLAIN), problem.calibrate(hypothesis, start)
-    return answer(problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [LISTED] * len(effects), LIBRARY, {})
+    return answer(
+        problem, evidence_of_all(problem, base, PLAIN), fit, hypothesis, [LISTED] * len(effects), LIBRARY, {}, {}
+    )
 
 
 def low_pass(tau):
@@ -147,11 +150,29 @@ def test_the_evidence_is_that_of_the_normal_distribution_of_the_data():
     assert weights[f"flow at {PLACE}", ""] == pytest.approx(logsumexp(densities) + constant, abs=0.5)
 
 
+def test_sources_are_weighed_by_the_same_evidence_also_where_no_effect_was_found():
+    """Of the normal distribution of the data, with the model's own error; of two sources without it."""
+    problem = recorded(late(0.0))
+    fit = problem.calibrate(PLAIN)
+    model, rows = linearise(problem, fit.z, PLAIN), np.arange(2 * POINTS)
+    shapes = [np.cos(k * np.linspace(0.0, 9.0, 2 * POINTS))[:, None] for k in (1, 2)]
+    sources = [Response("", f"node {k}", rows, own, -3.0) for k, own in enumerate(shapes)]
+    weights = unlisted_responses(problem, model, PLAIN, [], [effect("side_branch_leak")], sources)
+    assert {signal for _, signal in weights} == {"node 0", "node 1"}
+    features, slopes = gp_discrepancy.features(problem), model.jacobian
+    for source in sources:
+        spread = np.eye(len(rows)) + slopes @ slopes.T + source.shapes @ source.shapes.T
+        by_amplitude = [spread + amplitude**2 * features @ features.T for amplitude in AMPLITUDES]
+        normal = [stats.multivariate_normal(np.zeros(len(rows)), one).logpdf(model.at_zero) for one in by_amplitude]
+        expected = source.log_prior + logsumexp(RIGHT + normal) + 0.5 * len(rows) * np.log(2.0 * np.pi)
+        assert weights["", source.signal] == pytest.approx(expected, abs=0.5)
+
+
 def test_the_priors_of_all_responses_add_up_to_their_share_of_something_else():
     problem = recorded(late(0.0))
     (residual,) = problem.whitened([(np.zeros(1), PLAIN)])
     total = sum(np.exp(one.log_prior) for one in possible_responses(problem, residual, LIBRARY))
-    assert total == pytest.approx(RULE.prior_outside * sum(shares_of_responses(LIBRARY)))
+    assert total == pytest.approx(RULE.prior_outside * shares_of_responses(LIBRARY)[:2].sum())
 
 
 def test_a_device_reads_one_channel_or_all_of_a_quantity():
@@ -162,14 +183,10 @@ def test_a_device_reads_one_channel_or_all_of_a_quantity():
     assert devices_of(problem)["every flow"] == both and len(devices_of(problem)) == 3
 
 
-def test_no_response_is_weighed_where_no_effect_was_found():
-    assert unlisted_responses(recorded(late(0.0)), None, PLAIN, [], LIBRARY) == {}
-
-
 def test_as_many_causes_outside_the_library_are_responses_of_devices_as_in_it():
-    own, other = shares_of_responses(LIBRARY)
-    assert own == pytest.approx(6 / len(LIBRARY)) and other > 0.0
-    assert shares_of_responses([effect("quadratic_stenosis")]) == (0.0, 0.0)
+    own, other, source = shares_of_responses(LIBRARY)
+    assert own == pytest.approx(6 / len(LIBRARY)) and other > 0.0 and source > 0.0
+    assert not shares_of_responses([effect("quadratic_stenosis")]).any()
 
 
 def test_two_errors_of_one_chain_are_as_likely_as_one_unlisted_response():

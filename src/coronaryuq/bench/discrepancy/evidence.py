@@ -79,7 +79,7 @@ def _reweighted(discovery: Discovery, change: dict[tuple[str, str], float]) -> d
     with np.errstate(divide="ignore"):
         logs = {name: float(np.log(value)) for name, value in answer.probabilities.items() if name != OTHER}
         forms = {name: float(np.log(value)) for name, value in answer.forms.items()}
-    right = change.get(("found", "right"), 0.0)
+    right = change.get(("found", "right"), change["plain", "right"])
     logs[NOTHING] += change["plain", "right"]
     logs[NAMES] += right
     changes = {ALONE: change["plain", "unknown"], REMAINDER: change.get(("found", "unknown"), 0.0)}

@@ -10,7 +10,7 @@ from coronaryuq.core.io.atomic import read_json, write_text
 from coronaryuq.core.wording import capitalised, interval_text, listed, p_text
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.result import phrases
-from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OTHER, UNLISTED, VARYING
+from coronaryuq.discrepancy.selection.answer import MISWIRED, NAMES, NOTHING, OTHER, SOURCE, UNLISTED, VARYING
 
 STAND_IN = "it may be a surrogate for a mechanism outside the library. "
 RESIDUALS = "The residual waveforms show where it acts and its shape."
@@ -101,7 +101,8 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         )
     residuals = RESIDUALS if answer["facts"]["waveforms"] else ""
     if not best:
-        return f"{start}. {_nearest(answer)}{residuals}".rstrip()
+        kind = f", probably {likely}" if (likely := _kind(forms)) else ""
+        return f"{start}{kind}. {_nearest(answer)}{residuals}".rstrip()
     labels = listed([phrases.label_text(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (
@@ -121,16 +122,10 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         )
     elif forms["leading_form"] == VARYING and any(effect["varying"] for effect in best):
         reason = f"{phrases.varying_text(best)}. No effect is named. {change}"
-    elif forms["leading_form"] == UNLISTED:
-        unlisted = (
-            f"it is likelier that the device that reads {forms['device']} also picks up "
-            f"{listed([f'the {signal}' for signal in forms['picked_up']], 'or')}, "
-            "through a linear response that the library does not list"
-            if forms["picked_up"]
-            else f"one linear response of the device that reads {forms['device']}, of a shape that the library does "
-            "not list, is likelier"
+    elif likely := _kind(forms):
+        reason = (
+            f"{candidate} {'is' if one else 'are'} {labels}, but {likely} is likelier. No effect is named. {change}"
         )
-        reason = f"{candidate} {'is' if one else 'are'} {labels}, but {unlisted}. No effect is named. {change}"
     elif forms["support_nats"] < 1.0:
         reason = f"no effect of the library explains any of the misfit. {residuals} No effect is named."
     else:
@@ -140,6 +135,17 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
             f"{max(forms['support_nats'], 0.0):.0f} nats). {residuals} No effect is named. {change}"
         )
     return f"{start}: {reason}"
+
+
+def _kind(forms: Mapping) -> str:
+    """Name what something else is, if its likeliest form says that."""
+    if forms["leading_form"] == SOURCE:
+        return "a flow into or out of the vessels at one node"
+    if forms["leading_form"] != UNLISTED:
+        return ""
+    signals = listed([f"the {signal}" for signal in forms["picked_up"]], "or")
+    response = f"a linear response, not listed in the library, of the device that reads {forms['device']}"
+    return f"{response} to {signals}" if signals else response
 
 
 def _nearest(answer: Mapping) -> str:
@@ -186,13 +192,13 @@ def _shown(facts: Mapping, source: Mapping | None) -> str:
     """State in which data alone something else shows, if that is probable, and where an unknown flow may be."""
     forms, likeliest = facts["answer"], _likeliest(facts)
     quantity, place, condition = likeliest["quantity"], likeliest["location"], likeliest["condition"]
-    if forms["leading_form"] == MISWIRED or not (quantity or condition) or likeliest["probability"] < 0.5:
+    if forms["leading_form"] in (MISWIRED, SOURCE) or not (quantity or condition) or likeliest["probability"] < 0.5:
         return _source(source)
     if not quantity:
         data = f"the data under {condition}"
         cause = "check how they were recorded, and what else differs under this condition."
     elif place:
-        data = f"the {quantity} at {place}"
+        data = f"the {quantity} at {place}{f' under {condition}' if condition else ''}"
         unseen = {"flow": "flow or bed", "pressure": "loss of pressure"}.get(quantity)
         cause = f"an error of that measurement{f', or a {unseen} that it alone shows' if unseen else ''}."
     elif condition:

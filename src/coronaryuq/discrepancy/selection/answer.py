@@ -4,10 +4,10 @@ Hypotheses, with their prior probabilities, and the evidence of all data (`flexi
 
 - nothing is missing: the recalibrated model is right, within its own error;
 - the effects found are what is missing: the model with them is right, within its own error;
-- something else is missing: the recalibrated model and an unknown error of any size; or, because something else may
-  resemble effects of the library, the model with these and such an error, or with a size that differs between
-  conditions, or with a wiring error of the model in place of an effect, or with a response of a device that is not
-  listed, to what it reads or to another signal, in place of any effects.
+- something else is missing: the recalibrated model and an unknown error of any size, or a response of a device that is
+  not listed, to what it reads or to another signal, or an unknown source of flow at a node; or, because something else
+  may resemble effects of the library, the model with some of these and such a response or source, or with all and an
+  error of any size, or with a size that differs between conditions, or with a wiring error in place of an effect.
 
 The most probable answer is given, with its probability: what a wrong one costs, only its reader knows.
 """
@@ -25,6 +25,7 @@ from coronaryuq.discrepancy.inference.evidence import Evidence, Where
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection.size_constancy import Constancy, constancy
+from coronaryuq.discrepancy.selection.unknown_source import possible_sources
 from coronaryuq.discrepancy.selection.unlisted_response import (
     log_prior_of_errors,
     shares_of_responses,
@@ -35,6 +36,7 @@ from coronaryuq.zerod.effects.base import Effect
 NOTHING, NAMES, OTHER = "nothing", "names", "something else"
 ALONE, REMAINDER, VARYING = "alone", "remainder", "varying size"
 MISWIRED, UNLISTED = "wiring error of the model", "unlisted response of a device"
+SOURCE = "unknown source of flow"
 """Forms of something else."""
 OUTSIDE = np.log(RULE.prior_outside / RULE.prior_named)
 """Log prior odds that something else resembles a model's effects rather than that the effects are right."""
@@ -114,6 +116,7 @@ def answer(
     log_priors: Sequence[float],
     possible: Sequence[Effect],
     rivals: Mapping[PlacedEffect, float],
+    changes: Mapping[str, np.ndarray] | None,
 ) -> Answer:
     """Weigh the answers by all data.
 
@@ -129,6 +132,8 @@ def answer(
         Effects of the library that are possible here.
     rivals
         Wiring errors that the data cannot distinguish from an effect found → log odds against its class.
+    changes
+        `source_changes`; None if no test finds anything, so that responses and sources need not be weighed.
 
     Returns
     -------
@@ -141,8 +146,18 @@ def answer(
     constancies: list[Constancy] = []
     nothing, alone = without_effects(plain)
     named, unlisted, other, seen = -np.inf, ("", list[str]()), {ALONE: alone}, plain
+    model, lacking = linearise(problem, fit.z, hypothesis), fit.unreached
+    if changes is not None:
+        sources = list(possible_sources(problem, changes, possible))
+        responses = unlisted_responses(problem, model, hypothesis, log_priors, possible, sources)
+        devices = {pair: weight for pair, weight in responses.items() if pair[0]}
+        other[UNLISTED] = float(logsumexp([-np.inf, *devices.values()])) - lacking
+        other[SOURCE] = float(logsumexp([-np.inf, *(responses[pair] for pair in responses.keys() - devices)])) - lacking
+        # Where they are not weighed, the flexible error stands for these, too.
+        shares = shares_of_responses(possible)
+        other[ALONE] += np.log1p(-shares[:2].sum() * bool(devices) - shares[2] * bool(sources))
+        unlisted = _likeliest(devices) if devices else unlisted
     if hypothesis:
-        model, lacking = linearise(problem, fit.z, hypothesis), fit.unreached
         constancies = constancy(problem, model, hypothesis)
         prior = log_prior_of_errors(problem, hypothesis, log_priors, possible)
         found = problem.all_data.evidence(model.at_zero, model.jacobian, lacking)
@@ -153,11 +168,6 @@ def answer(
         differs = float(logsumexp([entry.log_odds for entry in constancies]) - np.log(len(constancies)))
         other[VARYING] = right + OUTSIDE + VARIES + differs
         other[MISWIRED] = right + float(logsumexp([0.0 if wiring else -np.inf, *rivals.values()]))
-        responses = unlisted_responses(problem, model, hypothesis, log_priors, possible)
-        other[UNLISTED] = float(logsumexp([-np.inf, *responses.values()])) - lacking
-        # Elsewhere the flexible error stands for these, too.
-        other[ALONE] += np.log1p(-sum(shares_of_responses(possible)) * bool(responses))
-        unlisted = _likeliest(responses) if responses else unlisted
         if implausible and not wiring:
             other[ALONE] = float(np.logaddexp(other[ALONE], right))
         elif not wiring:

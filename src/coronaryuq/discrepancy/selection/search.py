@@ -22,7 +22,7 @@ from coronaryuq.discrepancy.inference.locate import Located, locate
 from coronaryuq.discrepancy.inference.noise import TOO_LOUD, most_probable
 from coronaryuq.discrepancy.inference.problem import Problem
 from coronaryuq.discrepancy.selection import observed_noise
-from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, OTHER, answer, beyond, without_effects
+from coronaryuq.discrepancy.selection.answer import ALONE, MISWIRED, OTHER, SOURCE, answer, beyond, without_effects
 from coronaryuq.discrepancy.selection.backward_step import backward_step, correct_time_steps
 from coronaryuq.discrepancy.selection.candidates import (
     Candidate,
@@ -39,7 +39,7 @@ from coronaryuq.discrepancy.selection.observed_noise import OtherNoise, observe,
 from coronaryuq.discrepancy.selection.pair_step import pair_step
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
-from coronaryuq.discrepancy.selection.unknown_source import UnknownSource, unknown_source
+from coronaryuq.discrepancy.selection.unknown_source import UnknownSource, source_changes, unknown_source
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import SEARCHED
 
@@ -157,14 +157,15 @@ def _search(
     priors = [accepted[placed].class_log_prior for placed in state.hypothesis]
     possible = list({candidate.effect.name: candidate.effect for candidate in start.candidates}.values())
     rivals = {error: odds for placed in state.hypothesis for error, odds in accepted[placed].wiring_errors.items()}
-    weighed = answer(state.problem, plain, state.fit, state.hypothesis, priors, possible, rivals)
+    changes = source_changes(base_problem, base.z) if start.alarm or state.hypothesis else None
+    weighed = answer(state.problem, plain, state.fit, state.hypothesis, priors, possible, rivals, changes)
     nodes: list[tuple[str, float]] = []
     source: UnknownSource | None = None
-    if weighed.given == OTHER and weighed.leading_form != MISWIRED:
+    if changes and weighed.given == OTHER and weighed.leading_form != MISWIRED:
         # Where the effects found are taken to be something else themselves, the source stands in for them.
-        alone = weighed.leading_form == ALONE
+        alone = weighed.leading_form in (ALONE, SOURCE)
         seen = (base_problem, base.z, PLAIN) if alone else (state.problem, state.fit.z, state.hypothesis)
-        nodes, source = unknown_source(*seen)
+        nodes, source = unknown_source(*seen, changes)
     return Discovery(
         base_problem=base_problem,
         base=base,

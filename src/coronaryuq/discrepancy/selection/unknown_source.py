@@ -6,7 +6,7 @@ a law for it, q = g P, q = C dP/dt or q = g Q with P and Q at that node, have cl
 every condition is known up to one size.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,12 +14,15 @@ from scipy.special import logsumexp, softmax
 
 from coronaryuq.core.mixture import mixture_moments
 from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.forward.predict import Forward
 from coronaryuq.discrepancy.inference.cross_validation import linearise, of_all
 from coronaryuq.discrepancy.inference.flexible import Posterior
 from coronaryuq.discrepancy.inference.gauss_newton import Linear
 from coronaryuq.discrepancy.inference.problem import Problem
+from coronaryuq.discrepancy.selection.unlisted_response import Response, shares_of_responses
+from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.flow_source import FlowSource, basis
 
 SCALES = (0.03, 0.1, 0.3, 1.0)
@@ -64,8 +67,45 @@ class UnknownSource:
         return max(self.laws, key=lambda name: self.laws[name])
 
 
+def source_changes(problem: Problem, z: np.ndarray) -> dict[str, np.ndarray]:
+    """Return how a source at each node of an open loop changes the predictions of the model without effects.
+
+    Parameters
+    ----------
+    problem, z
+        Measurements, and a fit (p,) of that model.
+
+    Returns
+    -------
+    dict
+        Vessel → change (N, k) of all predictions, CGS, by each shape of one prior standard deviation of a source at its
+        end; without vessels with whose source the model does not run.
+    """
+    places = SOURCE.places(problem.forward.anatomy, problem.forward.measured)
+    silent = np.concatenate([z, np.zeros(len(SOURCE.parameters))])
+    units = np.eye(len(silent))[len(z) :]
+    found = {}
+    for place in places:
+        with_source = Hypothesis((PlacedEffect(SOURCE, place),))
+        residual, *moved = problem.whitened([(row, with_source) for row in [silent, *(silent + units)]])
+        found[place] = (residual - np.array(moved)).T * problem.sd[:, None]
+    return {place: change for place, change in found.items() if np.isfinite(change).all()}
+
+
+def possible_sources(
+    problem: Problem, changes: Mapping[str, np.ndarray], possible: Sequence[Effect]
+) -> Iterator[Response]:
+    """Yield the source at each node, for each scale; see `source_changes` and `unlisted_responses`."""
+    *_, share = shares_of_responses(possible)
+    rows = np.arange(len(problem.y))
+    for place, change in changes.items() if share else ():
+        columns = _columns(problem, change / problem.sd[:, None])
+        prior = float(np.log(RULE.prior_outside * share / len(changes) / len(SCALES)))
+        yield from (Response("", place, rows, scale * columns, prior) for scale in SCALES)
+
+
 def unknown_source(
-    problem: Problem, z: np.ndarray, hypothesis: Hypothesis
+    problem: Problem, z: np.ndarray, hypothesis: Hypothesis, changes: Mapping[str, np.ndarray]
 ) -> tuple[list[tuple[str, float]], UnknownSource | None]:
     """Seek an unknown source of flow at every node of an open loop.
 
@@ -73,6 +113,8 @@ def unknown_source(
     ----------
     problem, z, hypothesis
         Measurements, and a fit (p,) of a hypothesis.
+    changes
+        `source_changes`, which effects of the hypothesis hardly alter.
 
     Returns
     -------
@@ -81,22 +123,19 @@ def unknown_source(
     source
         That of the first; None if there is no node, or if none adds anything.
     """
-    forward = problem.forward
-    places = SOURCE.places(forward.anatomy, forward.measured)
-    if not places:
+    if not changes:
         return [], None
     model = linearise(problem, z, hypothesis)
     without = of_all(problem, model).right
     found = []
-    for place in places:
-        responses = _responses(problem, model.z, hypothesis, place)
-        if np.isfinite(responses).all():
-            columns = _columns(problem, responses)
-            alternatives = [of_all(problem, model.extended(scale * columns)) for scale in SCALES]
-            found.append((place, responses, alternatives))
+    for place, change in changes.items():
+        responses = change / problem.sd[:, None]
+        columns = _columns(problem, responses)
+        alternatives = [of_all(problem, model.extended(scale * columns)) for scale in SCALES]
+        found.append((place, responses, alternatives))
     found.sort(key=lambda one: -_averaged(one[2]))
     nodes = [(place, _averaged(alternatives) - without) for place, _, alternatives in found]
-    if not found or nodes[0][1] <= 0.0:
+    if nodes[0][1] <= 0.0:
         return nodes, None
     return nodes, _described(problem, model, hypothesis, *found[0])
 
@@ -138,15 +177,6 @@ def _moments(alternatives: Sequence[Posterior], count: int) -> tuple[np.ndarray,
     means = [scale * mean[-count:] for scale, (mean, _) in zip(SCALES, each, strict=True)]
     within = [scale**2 * covariance[-count:, -count:] for scale, (_, covariance) in zip(SCALES, each, strict=True)]
     return mixture_moments(softmax([one.right for one in alternatives]), np.array(means), np.array(within))
-
-
-def _responses(problem: Problem, z: np.ndarray, hypothesis: Hypothesis, place: str) -> np.ndarray:
-    """Return the whitened change (N, k) of all predictions by each shape of one prior standard deviation."""
-    with_source = hypothesis.with_(PlacedEffect(SOURCE, place))
-    silent = np.concatenate([z, np.zeros(len(SOURCE.parameters))])
-    units = np.eye(len(silent))[len(z) :]
-    residual, *moved = problem.whitened([(row, with_source) for row in [silent, *(silent + units)]])
-    return (residual - np.array(moved)).T
 
 
 def _columns(problem: Problem, responses: np.ndarray) -> np.ndarray:

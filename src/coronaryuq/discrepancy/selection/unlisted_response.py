@@ -57,23 +57,24 @@ class _Read(NamedTuple):
     period: float
 
 
-def shares_of_responses(possible: Sequence[Effect]) -> tuple[float, float]:
-    """Return the prior probabilities that something else is a response of a device to its own or to another signal.
+def shares_of_responses(possible: Sequence[Effect]) -> np.ndarray:
+    """Return the prior probabilities that something else is a response to its own or another signal, or a source: (3,).
 
     The library is the evidence for that: of causes outside it as many are taken to be of these kinds as of those in it,
-    errors of `Chain` and readings of other places.
+    errors of `Chain`, readings of other places, and effects that act as a source of flow at a node.
     """
-    own, other = sum(isinstance(one, Chain) for one in possible), sum(one.reads_elsewhere for one in possible)
-    return own / max(len(possible), 1), other / max(len(possible), 1)
+    kinds = [(isinstance(one, Chain), one.reads_elsewhere, one.acts_as_source) for one in possible]
+    return np.mean(kinds, axis=0) if kinds else np.zeros(3)
 
 
 def unlisted_responses(
-    problem: Problem, model: Linear, hypothesis: Hypothesis, log_priors: Sequence[float], possible: Sequence[Effect]
-) -> dict[tuple[str, str], float]:
-    """Return the log weights of unlisted responses in place of one or more of the effects found.
+    problem: Problem, model: Linear, hypothesis: Hypothesis, log_priors: Sequence[float], possible: Sequence[Effect],
+    sources: Sequence[Response] = (),
+) -> dict[tuple[str, str], float]:  # fmt: skip
+    """Return the log weights of unlisted responses and sources, in place of one or more of the effects found, if any.
 
     The model about the effects found is linear in the weights of a response, whose prior is normal; so its evidence has
-    a closed form. All responses are compared under the problem's own noise, and the likeliest is weighed under all
+    a closed form. All of one kind are compared under the problem's own noise, and the likeliest is weighed under all
     noises and with the model's own error, which hardly change the comparison.
 
     Parameters
@@ -86,37 +87,39 @@ def unlisted_responses(
         Log prior of each effect of the hypothesis.
     possible
         Effects of the library that are possible here.
+    sources
+        Unknown sources of flow at nodes.
 
     Returns
     -------
     dict
-        What the device reads, and the signal to which it responds, empty if that is the same → log prior plus log
-        evidence of all data.
+        What the device reads, and the signal to which it responds, empty if that is the same, or "" and the node of a
+        source → log prior plus log evidence of all data.
     """
     effects = list(hypothesis)
-    left = [Hypothesis(kept) for size in range(len(effects)) for kept in combinations(effects, size)]
+    left = [Hypothesis(kept) for size in range(max(len(effects), 1)) for kept in combinations(effects, size)]
     weights = defaultdict[tuple[str, str], float](lambda: -np.inf)
     columns = [hypothesis.columns_of(model.z, kept) for kept in left]
     rows = [(model.z[own], kept) for own, kept in zip(columns, left, strict=True)]
-    residuals = list(problem.whitened(rows)) if rows else []
+    residuals = list(problem.whitened(rows))
     for kept, own, residual in zip(left, columns, residuals, strict=True):
         noise = model.z[own] - without_noise(problem.forward.nuisances, model.z[own])
         clean = residual + model.jacobian[:, own] @ noise
-        responses = list(possible_responses(problem, clean, possible)) if np.isfinite(clean).all() else []
-        if not responses:
+        if not np.isfinite(clean).all():
             continue
         without = Linear(model.z[own], residual, model.jacobian[:, own])
-        gains = gains_of(without, responses)
-        likeliest = int(np.argmax(gains))
-        best = responses[likeliest]
-        shapes = np.zeros((len(residual), best.shapes.shape[1]))
-        shapes[best.rows] = best.shapes
-        extended = without.extended(shapes)
-        evidence = problem.all_data.evidence(extended.at_zero, extended.jacobian).right - gains[likeliest]
         prior = log_prior_of_errors(problem, kept, [log_priors[effects.index(one)] for one in kept], possible)
-        for response, gain in zip(responses, gains, strict=True):
-            pair = response.device, response.signal
-            weights[pair] = np.logaddexp(weights[pair], prior + response.log_prior + evidence + gain)
+        for kind in filter(None, (list(possible_responses(problem, clean, possible)), sources)):
+            gains = gains_of(without, kind)
+            likeliest = int(np.argmax(gains))
+            best = kind[likeliest]
+            shapes = np.zeros((len(residual), best.shapes.shape[1]))
+            shapes[best.rows] = best.shapes
+            extended = without.extended(shapes)
+            evidence = problem.all_data.evidence(extended.at_zero, extended.jacobian).right - gains[likeliest]
+            for response, gain in zip(kind, gains, strict=True):
+                pair = response.device, response.signal
+                weights[pair] = np.logaddexp(weights[pair], prior + response.log_prior + evidence + gain)
     return dict(weights)
 
 
@@ -158,7 +161,7 @@ def possible_responses(problem: Problem, residual: np.ndarray, possible: Sequenc
 
     residual: of the model without the effects that are replaced and without the noise it has found, whitened (n,).
     """
-    own, other = shares_of_responses(possible)
+    own, other, _ = shares_of_responses(possible)
     channels, signals = _waveforms(problem, residual)
     devices = devices_of(problem)
     for device, covered in devices.items() if own else ():
@@ -223,7 +226,7 @@ def log_prior_of_errors(
     """
     total, effects = float(sum(log_priors)), list(hypothesis)
     chain = [placed for placed in effects if isinstance(placed.effect, Chain)]
-    devices, (own, _) = devices_of(problem), shares_of_responses(possible)
+    devices, (own, *_) = devices_of(problem), shares_of_responses(possible)
     for covered in devices.values() if len(chain) > 1 else ():
         errors = [placed for placed in chain if _covered(problem, placed) == covered]
         if len(errors) > 1:

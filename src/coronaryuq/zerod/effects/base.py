@@ -144,6 +144,8 @@ class Effect(ABC):
         together with added vessels proximal to the same probes.
     feedback
         True if `changes` needs the mean pressures at the beds, which takes repeated runs.
+    acts_as_source
+        True if it acts on all else as a flow out of one node would.
     changes_shape
         True if the response changes its shape with the size, so that a small size does not predict a large one: the
         change by a delay of a quarter of the period differs in shape from that by a short delay.
@@ -165,6 +167,7 @@ class Effect(ABC):
     grafted: ClassVar[bool] = False
     beyond_probes: ClassVar[bool] = False
     feedback: ClassVar[bool] = False
+    acts_as_source: ClassVar[bool] = False
     changes_shape: ClassVar[bool] = False
     across_conditions: ClassVar[bool] = False
     recalibrated: ClassVar[bool] = False

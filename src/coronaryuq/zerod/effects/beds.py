@@ -70,6 +70,7 @@ class BedResistance(BedFactor):
     source = "Camici & Crea, N. Engl. J. Med. 356 (2007) 830 (coronary microvascular dysfunction)"
     signature = "flow into one bed too large or too small by the same factor in every condition"
     native = "Ra, Ram, Rv (Ra1, Ra2, Rv1; Rd; R) of the bed"
+    acts_as_source = True
     parameters = (Parameter("log_factor", "1", "normal", 0.0, 1.0, "logarithm of the factor on its resistances"),)
     names, meaning = tuple(name for name in RESISTANCES if name != "Rp"), "factor on its resistances"
 
@@ -82,6 +83,7 @@ class BedCompliance(BedFactor):
     source = "Spaan, Coronary Blood Flow (1991), chapter 6 (intramyocardial compliance)"
     signature = "pulse of the flow into one bed too large or too small, in every condition; its mean is right"
     native = "Ca, Cc (Ca, Cim; C) of the bed"
+    acts_as_source = True
     parameters = (Parameter("log_factor", "1", "normal", 0.0, 1.0, "logarithm of the factor on its compliances"),)
     names, meaning = COMPLIANCES, "factor on its compliances"
 
@@ -94,6 +96,7 @@ class BackPressure(Effect):
     source = "Bellamy, Circ. Res. 43 (1978) 92; Spaan, Circ. Res. 56 (1985) 293"
     signature = "flow lower by the same amount at every pressure, which matters most at low pressure"
     native = "P_v of CORONARY, Pd of RCR and RESISTANCE (not expressible in the closed loop)"
+    acts_as_source = True
     parameters = (Parameter("pressure", "1", "lognormal", 0.1, 0.8, "added zero-flow pressure over the mean pressure"),)
     names = ("P_v", "Pd")
 
@@ -126,6 +129,7 @@ class Autoregulation(Effect):
     source = "Mosher et al., Circ. Res. 14 (1964) 250; Johnson, Circ. Res. 59 (1986) 483"
     signature = "flow falls less than pressure between conditions; waveforms within one condition keep their shape"
     native = "Ra, Ram (Ra1, Ra2; Rp, Rd) of the beds, one value per condition, written into the conditions file"
+    acts_as_source = True
     parameters = (
         Parameter("gain", "1", "lognormal", 0.6, 0.5, "exponent of pressure in the resistance, 1 if flow is constant"),
     )
@@ -156,6 +160,7 @@ class IncompleteHyperaemia(Effect):
     source = "De Bruyne et al., Circulation 107 (2003) 1877"
     signature = "flow too low in conditions that dilate the beds, correct in the others"
     native = "Ra, Ram (Ra1, Ra2; Rp, Rd) of the beds, one value per condition, written into the conditions file"
+    acts_as_source = True
     parameters = (Parameter("share", "1", "lognormal", 0.15, 1.0, "missing fraction of the dilatation"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
@@ -184,6 +189,7 @@ class CompressedResistance(Effect):
     source = "Spaan, Coronary Blood Flow (1991); the CORONARY_VAR_RES block of svZeroDSolver"
     signature = "systolic flow impeded without the diastolic overshoot that follows the compression of a volume"
     native = "CORONARY_VAR_RES in place of CORONARY (not expressible in the closed loop)"
+    acts_as_source = True
     parameters = (
         Parameter("rise", "1", "lognormal", 1.0, 1.0, "systolic over diastolic resistance, minus 1"),
         Parameter("contraction", "1", "lognormal", 0.3, 0.3, "T_vc as a fraction of the cycle"),

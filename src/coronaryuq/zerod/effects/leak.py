@@ -33,6 +33,7 @@ class SideBranchLeak(Effect):
     )
     native = "a BloodVessel with a RESISTANCE (open loop) or ClosedLoopRCR (closed loop) outlet"
     grafted = True
+    acts_as_source = True
     parameters = (Parameter("share", "1", "lognormal", 0.2, 1.0, "leak over the mean flow of the vessel in the model"),)
     tag, added = "leak", "leak"
     """Suffix of the stub to the bed, and prefix of the added vessel."""

@@ -15,6 +15,7 @@ class EpicardialCompliance(Effect):
     source = "Westerhof, Stergiopulos & Noble, Snapshots of Hemodynamics (2nd ed., 2010)"
     signature = "inflow leads outflow while pressure rises; affects high frequencies, not the means"
     native = "C of the vessel"
+    acts_as_source = True
     parameters = (
         Parameter(
             "storage",
@@ -53,6 +54,7 @@ class ViscoelasticWall(Effect):
         "a vessel that stores blood stiffens towards high frequencies: less damping of steep changes, same means"
     )
     native = "R_wall of BloodVessel, our extension of the format that svZeroDSolver does not support"
+    acts_as_source = True
     parameters = (Parameter("time_constant", "s", "lognormal", 0.015, 0.5, "time constant R_w C in seconds"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
@@ -87,6 +89,7 @@ class Inertance(EpicardialCompliance):
     native = "L of the vessel"
     # A coronary artery of 3 mm and 5 cm at 1 mL/s has 7e-4, which typical noise hides. The prior covers detectable
     # values, as of a cannula or of a vessel missing from the model, and extends down to that value.
+    acts_as_source = False
     parameters = (
         Parameter(
             "inertia",
