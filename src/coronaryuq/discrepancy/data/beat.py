@@ -68,28 +68,26 @@ def _check_times(path: Path, time: np.ndarray) -> None:
 def _check_columns(path: Path, frame: pd.DataFrame) -> None:
     """Raise `InputError` if a column cannot be what its heading says."""
     aorta, ventricle, flow = (frame[name].to_numpy(float) for name in (AORTA, VENTRICLE, FLOW))
-    if not AORTIC[0] <= aorta.mean() <= AORTIC[1]:
-        remedy = f"outside {AORTIC[0]:g} to {AORTIC[1]:g}; check the unit"
-        raise InputError(path, f"mean {AORTA}", round(float(aorta.mean()), 3), remedy)
-    if ventricle.mean() > aorta.mean():
-        remedy = f"above the mean aortic pressure, {aorta.mean():.3g}; check whether the two are exchanged"
-        raise InputError(path, f"mean {VENTRICLE}", round(float(ventricle.mean()), 3), remedy)
-    if np.ptp(aorta) > aorta.mean():
-        remedy = f"above the mean, {aorta.mean():.3g}, unlike an aortic pressure; check whether columns are exchanged"
-        raise InputError(path, f"range of {AORTA}", round(float(np.ptp(aorta)), 3), remedy)
-    if ventricle.max() < LEAST_PEAK * aorta.max():
-        remedy = f"far below that of the aorta, {aorta.max():.3g}; check whether columns are exchanged, and the units"
-        raise InputError(path, f"peak of {VENTRICLE}", round(float(ventricle.max()), 3), remedy)
-    if ventricle.min() > aorta.min():
-        remedy = f"above that of the aorta, {aorta.min():.3g}; check whether columns are exchanged"
-        raise InputError(path, f"minimum of {VENTRICLE}", round(float(ventricle.min()), 3), remedy)
-    if flow.mean() <= 0.0:
-        remedy = "not positive; change the sign if the probe was reversed"
-        raise InputError(path, f"mean {FLOW}", round(float(flow.mean()), 3), remedy)
-    systoles = _systoles(ventricle)
-    if systoles != 1:
-        remedy = "expected one; cut out one beat, or average the beats"
-        raise InputError(path, f"{VENTRICLE}: number of systoles", systoles, remedy)
+    mean, peak, lowest, span = (float(of(aorta)) for of in (np.mean, np.max, np.min, np.ptp))
+    exchanged = "check whether columns are exchanged"
+    # What is checked, its value, its bounds, and what to do beyond these.
+    checks = [
+        (f"mean {AORTA}", mean, *AORTIC, f"outside {AORTIC[0]:g} to {AORTIC[1]:g}; check the unit"),
+        (f"mean {VENTRICLE}", ventricle.mean(), -np.inf, mean,
+         f"above the mean aortic pressure, {mean:.3g}; check whether the two are exchanged"),
+        (f"range of {AORTA}", span, 0.0, mean, f"above the mean, {mean:.3g}, unlike an aortic pressure; {exchanged}"),
+        (f"peak of {VENTRICLE}", ventricle.max(), LEAST_PEAK * peak, np.inf,
+         f"far below that of the aorta, {peak:.3g}; {exchanged}, and the units"),
+        (f"minimum of {VENTRICLE}", ventricle.min(), -np.inf, lowest,
+         f"above that of the aorta, {lowest:.3g}; {exchanged}"),
+        (f"mean {FLOW}", flow.mean(), np.nextafter(0.0, 1.0), np.inf,
+         "not positive; change the sign if the probe was reversed"),
+        (f"{VENTRICLE}: number of systoles", _systoles(ventricle), 1, 1,
+         "expected one; cut out one beat, or average the beats"),
+    ]  # fmt: skip
+    for field, value, least, most, remedy in checks:
+        if not least <= value <= most:
+            raise InputError(path, field, value if isinstance(value, int) else round(float(value), 3), remedy)
 
 
 def _check_readings(path: Path, name: str, values: np.ndarray) -> None:

@@ -95,7 +95,7 @@ class Data:
             name: [_Whitening.under(noise, chosen, sd, waves[name]) for noise in noises[name]] for name in self.names
         }
         alone, shared = (gp_discrepancy.features(problem, common)[chosen] for common in (False, True))
-        forms = everywhere, by_quantity, by_place, by_series, rough, by_recording, by_condition, common, common_there = [
+        forms = all_data, by_quantity, by_place, by_series, rough, by_recording, by_condition, common, common_there = [
             defaultdict[Where, list[Part]](list) for _ in range(9)
         ]
         blocks = gp_discrepancy.blocks(problem)[chosen]
@@ -103,7 +103,7 @@ class Data:
             own = np.flatnonzero(blocks == number)
             one = series[owner[own[0]]]
             part = Part(own, alone[own], one.quantity, self.noises[one.quantity])
-            everywhere["", "", ""].append(part)
+            all_data["", "", ""].append(part)
             by_quantity[one.quantity, "", ""].append(part)
             by_place[one.quantity, one.location, ""].append(part)
         read = defaultdict[Where, list[np.ndarray]](list)
