@@ -68,7 +68,7 @@ def _check_times(path: Path, time: np.ndarray) -> None:
 def _check_columns(path: Path, frame: pd.DataFrame) -> None:
     """Raise `InputError` if a column cannot be what its heading says."""
     aorta, ventricle, flow = (frame[name].to_numpy(float) for name in (AORTA, VENTRICLE, FLOW))
-    mean, peak, lowest, span = (float(of(aorta)) for of in (np.mean, np.max, np.min, np.ptp))
+    mean, peak, low, span = (float(of(aorta)) for of in (np.mean, np.max, np.min, np.ptp))
     exchanged = "check whether columns are exchanged"
     # What is checked, its value, its bounds, and what to do beyond these.
     checks = [
@@ -78,8 +78,7 @@ def _check_columns(path: Path, frame: pd.DataFrame) -> None:
         (f"range of {AORTA}", span, 0.0, mean, f"above the mean, {mean:.3g}, unlike an aortic pressure; {exchanged}"),
         (f"peak of {VENTRICLE}", ventricle.max(), LEAST_PEAK * peak, np.inf,
          f"far below that of the aorta, {peak:.3g}; {exchanged}, and the units"),
-        (f"minimum of {VENTRICLE}", ventricle.min(), -np.inf, lowest,
-         f"above that of the aorta, {lowest:.3g}; {exchanged}"),
+        (f"minimum of {VENTRICLE}", ventricle.min(), -np.inf, low, f"above that of the aorta, {low:.3g}; {exchanged}"),
         (f"mean {FLOW}", flow.mean(), np.nextafter(0.0, 1.0), np.inf,
          "not positive; change the sign if the probe was reversed"),
         (f"{VENTRICLE}: number of systoles", _systoles(ventricle), 1, 1,

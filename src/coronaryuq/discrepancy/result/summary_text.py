@@ -101,8 +101,7 @@ def _outside_library(answer: Mapping, held_out: list[str]) -> str:
         )
     residuals = RESIDUALS if answer["facts"]["waveforms"] else ""
     if not best:
-        kind = f", probably {likely}" if (likely := _kind(forms)) else ""
-        return f"{start}{kind}. {_nearest(answer)}{residuals}".rstrip()
+        return f"{start}{', probably ' * bool(_kind(forms))}{_kind(forms)}. {_nearest(answer)}{residuals}".rstrip()
     labels = listed([phrases.label_text(effect) for effect in best])
     candidate = "the best candidate" if one else "the best candidates"
     change = (

@@ -39,7 +39,7 @@ from coronaryuq.discrepancy.selection.observed_noise import OtherNoise, observe,
 from coronaryuq.discrepancy.selection.pair_step import pair_step
 from coronaryuq.discrepancy.selection.refit import fit_each, with_own_time_steps
 from coronaryuq.discrepancy.selection.score_test import screen
-from coronaryuq.discrepancy.selection.unknown_source import UnknownSource, source_changes, unknown_source
+from coronaryuq.discrepancy.selection.unknown_source import source_changes, unknown_source
 from coronaryuq.zerod.effects.base import Effect
 from coronaryuq.zerod.effects.library import SEARCHED
 
@@ -159,13 +159,11 @@ def _search(
     rivals = {error: odds for placed in state.hypothesis for error, odds in accepted[placed].wiring_errors.items()}
     changes = source_changes(base_problem, base.z) if start.alarm or state.hypothesis else None
     weighed = answer(state.problem, plain, state.fit, state.hypothesis, priors, possible, rivals, changes)
-    nodes: list[tuple[str, float]] = []
-    source: UnknownSource | None = None
-    if changes and weighed.given == OTHER and weighed.leading_form != MISWIRED:
-        # Where the effects found are taken to be something else themselves, the source stands in for them.
-        alone = weighed.leading_form in (ALONE, SOURCE)
-        seen = (base_problem, base.z, PLAIN) if alone else (state.problem, state.fit.z, state.hypothesis)
-        nodes, source = unknown_source(*seen, changes)
+    sought = changes if weighed.given == OTHER and weighed.leading_form != MISWIRED else None
+    # Where the effects found are taken to be something else themselves, the source stands in for them.
+    alone = weighed.leading_form in (ALONE, SOURCE)
+    seen = (base_problem, base.z, PLAIN) if alone else (state.problem, state.fit.z, state.hypothesis)
+    nodes, source = unknown_source(*seen, sought or {})
     return Discovery(
         base_problem=base_problem,
         base=base,

@@ -97,11 +97,10 @@ def possible_sources(
 ) -> Iterator[Response]:
     """Yield the source at each node, for each scale; see `source_changes` and `unlisted_responses`."""
     *_, share = shares_of_responses(possible)
-    rows = np.arange(len(problem.y))
     for place, change in changes.items() if share else ():
         columns = _columns(problem, change / problem.sd[:, None])
         prior = float(np.log(RULE.prior_outside * share / len(changes) / len(SCALES)))
-        yield from (Response("", place, rows, scale * columns, prior) for scale in SCALES)
+        yield from (Response("", place, np.arange(len(columns)), scale * columns, prior) for scale in SCALES)
 
 
 def unknown_source(
