@@ -66,11 +66,33 @@ def test_groups_without_scatter_or_samples_say_nothing():
     assert larger_scatter({"constant": np.zeros(30), "b": np.ones(30)}) == {}
 
 
+def loop(random):
+    """Times of a period of `SAMPLES`, and noise of half a standard deviation."""
+    return np.arange(SAMPLES) + random.uniform(-0.3, 0.3, SAMPLES), 0.5 * random.standard_normal(SAMPLES)
+
+
 def test_far_off_samples_are_found_worst_first_and_neighbours_are_not_blamed():
-    random = np.random.default_rng(5)
-    time, values = times(random), 0.5 * random.standard_normal(SAMPLES)
+    time, values = loop(np.random.default_rng(5))
     values[10] += 30.0
     values[25] -= 50.0
-    assert [sample for sample, _ in far_off(time, values, 6.0)] == [25, 10]
-    assert far_off(time[:2], values[:2], 6.0) == []
-    assert far_off(time, values, 6.0)[0][1] < 0.0 < far_off(time, values, 6.0)[1][1]
+    assert [sample for sample, _ in far_off(time, values, 6.0, SAMPLES)] == [25, 10]
+    assert far_off(time[:4], values[:4], 6.0, SAMPLES) == []
+    assert far_off(time, values, 6.0, SAMPLES)[0][1] < 0.0 < far_off(time, values, 6.0, SAMPLES)[1][1]
+
+
+@pytest.mark.parametrize("samples", [{0}, {39}, {10, 12}, {38, 0}, {1}])
+def test_far_off_samples_are_found_at_the_ends_and_beside_others(samples):
+    """The one between two of them is not far off, although it is off their line. At an end noise may hide one."""
+    right = 0
+    for seed in range(100):
+        time, values = loop(np.random.default_rng(seed))
+        values[list(samples)] += 15.0
+        right += {sample for sample, _ in far_off(time, values, 6.0, SAMPLES)} == samples
+    assert right >= 95
+
+
+def test_ends_of_a_drift_or_of_a_part_of_the_period_are_not_far_off():
+    for seed in range(200):
+        time, values = loop(np.random.default_rng(seed))
+        assert far_off(time, values + 30.0 * time / SAMPLES, 6.0, SAMPLES) == []
+        assert far_off(time, values + 20.0 * np.cos(np.pi * time / SAMPLES), 6.0, 2.0 * SAMPLES) == []

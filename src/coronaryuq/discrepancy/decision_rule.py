@@ -100,11 +100,11 @@ class DecisionRule:
         0.01, "1", "Fraction by which data must reduce a nuisance parameter's prior variance for it to be tested."
     )
     outlier: float = _threshold(
-        6.0, "sd", "Distance of a sample from the line between its neighbours: 1 in 5e8 samples of normal noise."
+        5.0, "sd", "Distance of a sample from the line between its neighbours: 1 in 2e6 samples of normal noise."
     )
     same_time: float = _threshold(1.5, "samples", "Distance within which outliers of several series are simultaneous.")
-    same_time_series: int = _threshold(
-        2, "series", "Other series with simultaneous outliers at which the model, not the recording, is at fault."
+    coincidence: float = _threshold(
+        0.05, "1", "Chance of as many simultaneous outliers, over their number, below which the model is at fault."
     )
 
 

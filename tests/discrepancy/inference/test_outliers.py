@@ -34,11 +34,11 @@ def noise(seed):
 
 
 @pytest.mark.slow
-def test_noise_and_smooth_residuals_have_no_outliers():
-    """20,000 waveforms: one sample in 5e8 is expected."""
+def test_noise_and_smooth_residuals_have_hardly_an_outlier():
+    """In 20,000 waveforms of 40 samples; one sample in 2e6 is expected of noise alone."""
     phase = np.concatenate([one.time / PERIOD for one in MEASURED] + [np.zeros(1)])
-    for seed in range(5000):
-        assert not found(noise(seed) + 20.0 * np.sin(2.0 * np.pi * phase) + 3.0 * np.cos(6.0 * np.pi * phase))
+    smooth = 20.0 * np.sin(2.0 * np.pi * phase) + 3.0 * np.cos(6.0 * np.pi * phase)
+    assert sum(len(found(noise(seed) + smooth)) for seed in range(5000)) <= 8
 
 
 @given(st.integers(0, 3), st.integers(0, 99))
@@ -52,7 +52,7 @@ def test_an_oscillation_that_the_model_misses_is_no_outlier(number, seed):
     assert not found(residual)
 
 
-@given(st.integers(0, 3), st.integers(1, SAMPLES - 2), st.sampled_from((-1.0, 1.0)), st.integers(0, 99))
+@given(st.integers(0, 3), st.integers(0, SAMPLES - 1), st.sampled_from((-1.0, 1.0)), st.integers(0, 99))
 @settings(max_examples=100)
 def test_an_added_outlier_is_found(number, sample, sign, seed):
     residual = noise(seed)
@@ -71,10 +71,20 @@ def test_simultaneous_outliers_of_several_series_are_attributed_to_the_model():
     residual = noise(1)
     residual[[12, SAMPLES + 12, 2 * SAMPLES + 12]] += 20.0
     assert not found(residual)
-    residual[2 * SAMPLES + 12] -= 20.0
-    assert not found(residual), "the same sensor under two conditions"
-    residual[SAMPLES + 12] -= 20.0
+    residual[[SAMPLES + 12, 2 * SAMPLES + 12]] -= 20.0
     assert len(found(residual)) == 1
+
+
+def test_outliers_that_are_simultaneous_by_chance_are_left_out():
+    """One per cent of 24 waveforms of 60 samples: of 14 on average, a few have others within a sample and a half."""
+    many = [waveform((np.arange(60) + 0.5) / 60 * PERIOD, PERIOD, f"condition {k}") for k in range(24)]
+    problem, kept, trials = series_problem(many), 0, 100
+    for seed in range(trials):
+        random = np.random.default_rng(seed)
+        off = random.random(24 * 60) < 0.01
+        residual = random.standard_normal(24 * 60) + 20.0 * off * random.choice([-1.0, 1.0], 24 * 60)
+        kept += len(find_outliers(problem, residual)) < off.sum()
+    assert kept <= 10, "the chance of a coincidence, 0.05, and its error of five trials"
 
 
 def test_a_mean_is_not_a_sample():

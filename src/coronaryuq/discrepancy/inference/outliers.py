@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import stats
 
 from coronaryuq.core.scatter import far_off
 from coronaryuq.discrepancy.data.measurements import Measured
@@ -37,24 +38,22 @@ def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
     """Return the outliers among the whitened residuals (N,) of all data, worst first.
 
     A sample's distance from the line between its neighbours is divided by its standard deviation under white noise, or
-    by what most samples of the waveform are off, if that is larger; the worst is moved to the line, and so on. The ends
-    of a waveform, which have only one neighbour, are not tested.
-    Samples that stand out at the same time of the beat in three series, or in two of the same sensor under different
-    conditions, are not artefacts.
+    by what most samples of the waveform are off, if that is larger (`far_off`).
+    Samples that stand out at the same time of the beat in more series than by chance are not artefacts: each series has
+    as many, at times that do not depend on those of others.
     """
     found = []
     for number, series in enumerate(problem.forward.measured):
         if series.time is None:
             continue
-        for sample, off in far_off(series.time, residual[problem.owner == number], RULE.outlier):
+        for sample, off in far_off(series.time, residual[problem.owner == number], RULE.outlier, series.period):
             time = float(series.time[sample])
             found.append((Outlier(*series.channel, series.condition, time, off), number, time / series.period))
     alone = []
     for outlier, owner, phase in found:
         near = RULE.same_time / problem.forward.measured[owner].value.size
-        others = {other for _, other, at in found if other != owner and abs(phase - at) < near}
-        sensors = [(own.quantity, own.location) for own in (problem.forward.measured[other] for other in others)]
-        again = (outlier.quantity, outlier.location) in sensors
-        if len(others) < RULE.same_time_series and not again:
+        others = [(other, abs((phase - at + 0.5) % 1.0 - 0.5) < near) for _, other, at in found if other != owner]
+        together, expected = len({other for other, same in others if same}), 2.0 * near * len(others)
+        if stats.poisson.sf(together - 1, expected) > RULE.coincidence / len(found):
             alone.append(outlier)
     return sorted(alone, key=lambda outlier: -abs(outlier.off))
