@@ -148,6 +148,7 @@ def test_a_mistake_is_one_line_with_file_field_value_and_remedy(small_tree, tmp_
     [
         ("name: [unclosed", "not valid YAML"),
         ("name: patient: 12\n", "line 1: not valid YAML (a colon in a text, or a wrong indentation? quote the text)"),
+        ("lumen\n  voxel: 1\n", "line 1 = 'lumen': not valid YAML (is a colon missing after it?"),
         ("name: a\n---\nname: b\n", "line 2: not valid YAML (several documents; keep one)"),
         ("just text", "expected a mapping of fields"),
         ("name: a\nname: b\n", "name: given twice, in lines 1 and 2"),

@@ -181,6 +181,10 @@ def _invalid(path: str | Path, error: Exception) -> InputError:
         "mapping values are not allowed here": "a colon in a text, or a wrong indentation? quote the text",
         "but found another document": "several documents; keep one",
     }.get(reason, reason)
+    ahead = read_text(path).splitlines()[mark.line - 1].split("#")[0].strip() if mark.line else ""
+    if "mapping values" in reason and ahead and ":" not in ahead and not ahead.startswith("- "):
+        hint = "is a colon missing after it? a text of several lines needs quotes"
+        return InputError(path, f"line {mark.line}", ahead, f"not valid YAML ({hint})")
     return InputError(path, f"line {mark.line + 1}", None, f"not valid YAML ({hint})")
 
 

@@ -79,7 +79,8 @@ def read_csv(path: str | Path, columns: tuple[str, ...] = (), words: tuple[str, 
         raise _unreadable(path, " ".join(str(error).split())) from None
     if not isinstance(frame.index, pd.RangeIndex):
         # If rows are longer than the header, pandas takes their first cells for an index.
-        raise InputError(path, "heading", None, "some rows have more cells than the heading; check the separators")
+        remedy = "more cells than the heading; check the separators (decimal commas need semicolons between the cells)"
+        raise InputError(path, f"line {line_number(path, 0)}", None, remedy)
     # A spreadsheet writes blank columns where cells were cleared.
     unnamed = [name for name, given in zip(frame.columns, written, strict=False) if not str(given).strip()]
     frame = frame.drop(columns=[name for name in unnamed if frame[name].replace("", None).isna().all()])
