@@ -37,6 +37,8 @@ MISTYPED = {"perfusion": 1e4}
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 8.0, "volume": 20.0}
 """Largest plausible ratio of all mean measured values to the simulated ones; kPa and mmHg differ by a factor of 7.5,
 L/min and mL/s by 16.7, of which half is left to a model that is off. A single flow may be that of a larger vessel."""
+FACTORS = {"pressure": " (kPa and mmHg differ by a factor of 7.5)", "flow": " (L/min and mL/s by one of 16.7)"}
+"""What to think of where they are farther apart."""
 LEAST_MEAN = 0.05
 """Smallest simulated mean, over the largest value of the quantity, that a ratio is taken to."""
 LEAST_WHITE = 0.1
@@ -145,9 +147,9 @@ def _check_sizes(problem: Problem, file: str | Path) -> list[str]:
             several = quantity != "flow" or len({s.location for s, _ in group}) > 1
             most = max(np.abs(s.value).max() for s, _ in group) / max(np.abs(p).max() for _, p in group)
             if times > limit or (several and most < 1.0 / limit):
-                told = float(f"{times if times > limit else most:.3g}")
-                remedy = "check the column unit, and the unit of the model"
-                raise InputError(file, f"{where}: ratio of measured to simulated values", told, remedy)
+                field, told = f"{where}: ratio of measured to simulated values", times if times > limit else most
+                remedy = f"check the column unit, and the unit of the model{FACTORS.get(kind, '')}"
+                raise InputError(file, field, float(f"{told:.3g}"), remedy)
             for (s, own), ratio in zip(group, ratios, strict=True) if kind == "flow" else ():
                 apart = not 1.0 / limit < ratio < limit and bool(np.abs(own).mean() > LEAST_MEAN * largest)
                 if off := "opposite to" if _opposite(s, own) else f"{ratio:.2g} times" * apart:

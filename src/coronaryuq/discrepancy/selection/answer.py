@@ -154,8 +154,7 @@ def answer(
         other[UNLISTED] = float(logsumexp([-np.inf, *devices.values()])) - lacking
         other[SOURCE] = float(logsumexp([-np.inf, *(responses[pair] for pair in responses.keys() - devices)])) - lacking
         # Where they are not weighed, the flexible error stands for these, too.
-        shares = shares_of_responses(possible)
-        other[ALONE] += np.log1p(-shares[:2].sum() * bool(devices) - shares[2] * bool(sources))
+        other[ALONE] += np.log1p(-shares_of_responses(possible) @ np.array([*[bool(devices)] * 2, bool(sources)]))
         unlisted = _likeliest(devices) if devices else unlisted
     if hypothesis:
         constancies = constancy(problem, model, hypothesis)
