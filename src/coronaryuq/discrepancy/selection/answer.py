@@ -150,11 +150,11 @@ def answer(
     if changes is not None:
         sources = list(possible_sources(problem, changes, possible))
         responses = unlisted_responses(problem, model, hypothesis, log_priors, possible, sources)
-        devices = {pair: weight for pair, weight in responses.items() if pair[0]}
-        other[UNLISTED] = float(logsumexp([-np.inf, *devices.values()])) - lacking
-        other[SOURCE] = float(logsumexp([-np.inf, *(responses[pair] for pair in responses.keys() - devices)])) - lacking
+        devices, nodes = ({of: responses[of] for of in responses if bool(of[0]) is read} for read in (True, False))
+        for form, own in ((UNLISTED, devices), (SOURCE, nodes)):
+            other[form] = float(logsumexp([-np.inf, *own.values()])) - lacking
         # Where they are not weighed, the flexible error stands for these, too.
-        other[ALONE] += np.log1p(-shares_of_responses(possible) @ np.array([*[bool(devices)] * 2, bool(sources)]))
+        other[ALONE] += np.log1p(-shares_of_responses(possible) @ np.array([*[bool(devices)] * 2, bool(nodes)]))
         unlisted = _likeliest(devices) if devices else unlisted
     if hypothesis:
         constancies = constancy(problem, model, hypothesis)
