@@ -58,7 +58,7 @@ def test_a_closed_loop_has_no_node():
 def test_an_effect_that_nobody_listed_is_found_by_place_law_and_size(tmp_path, name, law):
     """Both are effects of the library, of which the source knows nothing; their sizes are those of the source."""
     truth, problem, fit = problem_of(tmp_path, (name,))
-    nodes, source = unknown_source(problem, fit.z, PLAIN, source_changes(problem, fit.z))
+    nodes, source = unknown_source(problem, fit.z, PLAIN, source_changes(problem, fit.z, PLAIN))
     (placed,) = truth.hypothesis
     near = [vessel for vessel, nats in nodes if nats > nodes[0][1] - RULE.class_odds]
     assert nodes[0][1] > 10 and placed.place in near
@@ -72,7 +72,7 @@ def test_an_effect_that_nobody_listed_is_found_by_place_law_and_size(tmp_path, n
 def test_a_vessel_that_carries_blood_in_late_diastole_is_shown_by_its_waveform(tmp_path):
     """It follows no law of pressure and flow; blood leaves in the second half of the beat."""
     _, problem, fit = problem_of(tmp_path, outside="thrombosed_side_vessel", strength="medium")
-    nodes, source = unknown_source(problem, fit.z, PLAIN, source_changes(problem, fit.z))
+    nodes, source = unknown_source(problem, fit.z, PLAIN, source_changes(problem, fit.z, PLAIN))
     assert nodes[0][1] > 10 and source.law == FREE
     for flow, sd in source.waveforms.values():
         assert flow[: POINTS // 3].mean() < flow[POINTS // 2 :].mean()
@@ -82,7 +82,7 @@ def test_a_vessel_that_carries_blood_in_late_diastole_is_shown_by_its_waveform(t
 @pytest.mark.slow
 def test_where_nothing_is_missing_no_node_adds_anything(tmp_path):
     _, problem, fit = problem_of(tmp_path, strength="none")
-    nodes, _ = unknown_source(problem, fit.z, PLAIN, source_changes(problem, fit.z))
+    nodes, _ = unknown_source(problem, fit.z, PLAIN, source_changes(problem, fit.z, PLAIN))
     assert len(nodes) == 5 and nodes[0][1] < RULE.class_odds
 
 
@@ -92,7 +92,7 @@ def test_a_source_is_a_hypothesis_of_the_answer(tmp_path, strength):
     """Of the vessel that carries blood late in diastole, and of nothing, whose data it does not explain better."""
     outside = "" if strength == "none" else "thrombosed_side_vessel"
     _, problem, fit = problem_of(tmp_path, outside=outside, strength=strength)
-    plain, changes = evidence_of_all(problem, fit, PLAIN), source_changes(problem, fit.z)
+    plain, changes = evidence_of_all(problem, fit, PLAIN), source_changes(problem, fit.z, PLAIN)
     found = answer(problem, plain, fit, PLAIN, [], LIBRARY, {}, changes)
     without = answer(problem, plain, fit, PLAIN, [], LIBRARY, {}, {})
     assert (found.given, without.given) == ((NOTHING, NOTHING) if strength == "none" else (OTHER, OTHER))

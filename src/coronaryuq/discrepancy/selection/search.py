@@ -157,13 +157,13 @@ def _search(
     priors = [accepted[placed].class_log_prior for placed in state.hypothesis]
     possible = list({candidate.effect.name: candidate.effect for candidate in start.candidates}.values())
     rivals = {error: odds for placed in state.hypothesis for error, odds in accepted[placed].wiring_errors.items()}
-    changes = source_changes(base_problem, base.z) if start.alarm or state.hypothesis else None
+    changes = source_changes(base_problem, base.z, PLAIN) if start.alarm or state.hypothesis else None
     weighed = answer(state.problem, plain, state.fit, state.hypothesis, priors, possible, rivals, changes)
-    sought = changes if weighed.given == OTHER and weighed.leading_form != MISWIRED else None
+    sought = weighed.given == OTHER and weighed.leading_form != MISWIRED
     # Where the effects found are taken to be something else themselves, the source stands in for them.
     alone = weighed.leading_form in (ALONE, SOURCE)
     seen = (base_problem, base.z, PLAIN) if alone else (state.problem, state.fit.z, state.hypothesis)
-    nodes, source = unknown_source(*seen, sought or {})
+    nodes, source = unknown_source(*seen, (changes if alone else source_changes(*seen)) if changes and sought else {})
     return Discovery(
         base_problem=base_problem,
         base=base,

@@ -67,13 +67,13 @@ class UnknownSource:
         return max(self.laws, key=lambda name: self.laws[name])
 
 
-def source_changes(problem: Problem, z: np.ndarray) -> dict[str, np.ndarray]:
-    """Return how a source at each node of an open loop changes the predictions of the model without effects.
+def source_changes(problem: Problem, z: np.ndarray, hypothesis: Hypothesis) -> dict[str, np.ndarray]:
+    """Return how a source at each node of an open loop changes the predictions of a model.
 
     Parameters
     ----------
-    problem, z
-        Measurements, and a fit (p,) of that model.
+    problem, z, hypothesis
+        Measurements, and a fit (p,) of a hypothesis.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def source_changes(problem: Problem, z: np.ndarray) -> dict[str, np.ndarray]:
     units = np.eye(len(silent))[len(z) :]
     found = {}
     for place in places:
-        with_source = Hypothesis((PlacedEffect(SOURCE, place),))
+        with_source = hypothesis.with_(PlacedEffect(SOURCE, place))
         residual, *moved = problem.whitened([(row, with_source) for row in [silent, *(silent + units)]])
         found[place] = (residual - np.array(moved)).T * problem.sd[:, None]
     return {place: change for place, change in found.items() if np.isfinite(change).all()}
@@ -113,7 +113,7 @@ def unknown_source(
     problem, z, hypothesis
         Measurements, and a fit (p,) of a hypothesis.
     changes
-        `source_changes`, which effects of the hypothesis hardly alter.
+        `source_changes` of that fit.
 
     Returns
     -------
