@@ -18,7 +18,7 @@ from coronaryuq.discrepancy.selection.search import recalibrate
 from coronaryuq.discrepancy.selection.unknown_source import FREE, POINTS, source_changes, unknown_source
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.flow_source import HARMONICS, FlowSource, basis
-from coronaryuq.zerod.effects.library import LIBRARY
+from coronaryuq.zerod.effects.library import LIBRARY, effect
 from support.small_loop import loop
 
 SOURCE = FlowSource()
@@ -47,6 +47,19 @@ def test_the_source_takes_the_waveform_of_its_weights_in_every_condition(tmp_pat
     # The solver's steps are straight lines between its points: (pi h / steps)^2 / 2 of the h-th harmonic.
     bend = (np.pi * HARMONICS / problem.settings.steps_per_cycle) ** 2 / 2
     assert np.abs(found - wave).max() < 2 * bend * np.abs(wave).max()
+
+
+def test_a_source_beside_an_error_of_a_probe_changes_what_the_probe_reads(tmp_path):
+    """A probe that reads 1.2 times the flow shows 1.2 times the change; others show the same as without it."""
+    _, problem, fit = problem_of(tmp_path, strength="none")
+    gain = PlacedEffect(effect("flow_gain"), "J0:lad_proximal")
+    size = 0.2 / float(gain.effect.parameters[0].from_standard(1.0))
+    plain = source_changes(problem, fit.z, PLAIN)["lad"]
+    beside = source_changes(problem, np.append(fit.z, size), Hypothesis((gain,)))["lad"]
+    series = problem.forward.measured
+    read = np.array([(one.quantity, one.location) == ("flow", gain.place) for one in series])[problem.owner]
+    assert 0 < read.sum() < len(read) and np.abs(plain[read]).max() > 0.0
+    assert beside == pytest.approx(np.where(read, 1.2, 1.0)[:, None] * plain, rel=1e-6, abs=1e-6 * np.abs(plain).max())
 
 
 def test_a_closed_loop_has_no_node():
