@@ -37,8 +37,8 @@ MISTYPED = {"perfusion": 1e4}
 UNITS_APART = {"pressure": 6.0, "ratio": 20.0, "flow": 8.0, "volume": 20.0}
 """Largest plausible ratio of all mean measured values to the simulated ones; kPa and mmHg differ by a factor of 7.5,
 L/min and mL/s by 16.7, of which half is left to a model that is off. A single flow may be that of a larger vessel."""
-FACTORS = {"pressure": " (kPa and mmHg differ by a factor of 7.5)", "flow": " (L/min and mL/s by one of 16.7)"}
-"""What to think of where they are farther apart."""
+FACTORS = {"pressure": " (1 kPa = 7.5 mmHg)", "flow": " (1 L/min = 16.7 mL/s)"}
+"""What is most often confused where they are farther apart, for the message."""
 LEAST_MEAN = 0.05
 """Smallest simulated mean, over the largest value of the quantity, that a ratio is taken to."""
 LEAST_WHITE = 0.1

@@ -154,7 +154,7 @@ def answer(
         for form, own in ((UNLISTED, devices), (SOURCE, nodes)):
             other[form] = float(logsumexp([-np.inf, *own.values()])) - lacking
         # Where they are not weighed, the flexible error stands for these, too.
-        other[ALONE] += np.log1p(-shares_of_responses(possible) @ np.array([*[bool(devices)] * 2, bool(nodes)]))
+        other[ALONE] += np.log1p(-shares_of_responses(possible) @ [bool(devices), bool(devices), bool(nodes)])
         unlisted = _likeliest(devices) if devices else unlisted
     if hypothesis:
         constancies = constancy(problem, model, hypothesis)
