@@ -16,6 +16,7 @@ from coronaryuq.case.network.network import HEART, UNCERTAIN, Network
 from coronaryuq.zerod.effect_mixture import EffectMixture, Member
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
+from coronaryuq.zerod.effects.grafting import with_elements
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.changes import with_changes
 
@@ -70,16 +71,8 @@ def with_mixtures(network: Network, searched: Network, mixtures: Iterable[Effect
     """Return a network with the elements, values and entries of mixtures of which a member acts."""
     acting = [one for one in mixtures if any(member.acts for member in one.members)]
     tuned = {block["bc_name"] for block in network.boundary_conditions}
-    plain = network.deep_copy()
-    renamed: dict[str, str] = {}
-    for mixture in acting:
-        for member in mixture.members:
-            anatomy = _anatomy(plain, mixture.scales)
-            if member.acts and member.law.inserts(member.place, anatomy):
-                fresh = member.law.aliases(member.place, anatomy)
-                later = {old: fresh.get(new, new) for old, new in renamed.items()}
-                renamed = later | {old: new for old, new in fresh.items() if old not in renamed.values()}
-                plain = member.law.insert(plain, member.place, anatomy)
+    placed = [(member.law, member.place) for mixture in acting for member in mixture.members if member.acts]
+    plain, renamed = with_elements(network, placed, lambda found: _anatomy(found, acting[0].scales))
     hearts = {f"{HEART}.{name}": value for name, value in _heart(searched).items()}
     pairs = [(one, member) for one in acting for member in one.members if member.acts]
     touched = {target for one, member in pairs for target in _at_mean(plain, one, member)}

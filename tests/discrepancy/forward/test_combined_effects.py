@@ -16,6 +16,7 @@ from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState
+from coronaryuq.zerod.effects.flow_source import FlowSource
 from coronaryuq.zerod.effects.intramyocardial import ventricular_pressure
 from coronaryuq.zerod.effects.library import effect
 from coronaryuq.zerod.network.changes import with_changes
@@ -200,6 +201,28 @@ def test_a_leak_beyond_a_flow_probe_is_in_its_reading_and_not_in_the_perfusion()
     beyond = predicted(forward, [(effect("distal_leak"), "lcx")], 0.0)
     assert ahead[0] == pytest.approx(plain[0], rel=0.01) and beyond[0] == pytest.approx(1.2 * plain[0], rel=0.03)
     assert beyond[1] == pytest.approx(ahead[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "beyond"),
+    [
+        (("side_branch_leak", "lcx"), ("distal_leak", "lcx")),
+        (("side_branch", "lcx"), ("distal_collateral", "lad~lcx")),
+        (("collateral", "lad~lcx"), ("distal_leak", "lcx")),
+        (("unknown_source", "lcx"), ("distal_leak", "lcx")),
+    ],
+    ids=lambda pair: pair[0],
+)
+def test_paths_on_both_sides_of_a_probe_keep_their_side_in_any_order(ahead, beyond):
+    """Their effects on small flows add up; the one inserted second was on the side of the first."""
+    forward = model(measured=[mean(REST, quantity, "lcx:BC_lcx") for quantity in ("flow", "pressure")])
+    pairs = [(FlowSource() if name == "unknown_source" else effect(name), place) for name, place in (ahead, beyond)]
+    sizes = [[-1.0 if one.name != "unknown_source" else 0.05] + [0.0] * (len(one.parameters) - 1) for one, _ in pairs]
+    plain = predicted(forward)
+    each = [predicted(forward, [pair], *size) - plain for pair, size in zip(pairs, sizes, strict=True)]
+    both = predicted(forward, pairs, *sizes[0], *sizes[1]) - plain
+    assert predicted(forward, pairs[::-1], *sizes[1], *sizes[0]) - plain == pytest.approx(both, rel=1e-9)
+    assert np.abs(both - sum(each)).max() < 0.1 * min(np.abs(one).max() for one in each)
 
 
 def test_leaks_and_collaterals_on_both_sides_of_the_probes_do_not_share_a_network():

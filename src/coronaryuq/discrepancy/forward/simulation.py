@@ -12,7 +12,7 @@ from coronaryuq.discrepancy.forward.fast_settling import FastSettling
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.forward.jobs import Job, Prepared, batches, stack
 from coronaryuq.zerod.effects.anatomy import Anatomy
-from coronaryuq.zerod.effects.grafting import renamed_again
+from coronaryuq.zerod.effects.grafting import with_elements
 from coronaryuq.zerod.solver.blood_volume import BloodVolume
 from coronaryuq.zerod.solver.carry_over import carry_over
 from coronaryuq.zerod.solver.lockstep import Computation, Run
@@ -73,19 +73,13 @@ class Simulation:
 
     def structure(self, effects: Iterable[PlacedEffect]) -> tuple[Network, dict[str, str]]:
         """Return the network with the elements of the effects, and old → new names of locations."""
-        network = self.network
-        renamed: dict[str, str] = {}
-        for effect, place in effects:
-            anatomy = Anatomy(network, self.anatomy.pressure, self.anatomy.flow, self.anatomy.period)
-            fresh = effect.aliases(place, anatomy)
-            network = effect.insert(network, place, anatomy)
-            renamed = renamed_again(renamed, fresh)
-        return network, renamed
+        own = self.anatomy
+        return with_elements(self.network, effects, lambda found: Anatomy(found, own.pressure, own.flow, own.period))
 
     def prepared(self, effects: Iterable[PlacedEffect]) -> Prepared:
         """Return the network with the elements of the effects, from the cache if possible."""
         inserted = self.inserting(effects)
-        key = tuple(placed.key for placed in inserted)
+        key = tuple(sorted(placed.key for placed in inserted))
         if key not in self._engines:
             if len(self._engines) > MOST_ENGINES:
                 self._engines.clear()

@@ -140,8 +140,7 @@ class Effect(ABC):
         True if `insert` adds vessels that carry almost no flow until `changes` opens them, so that one network can
         hold the vessels of many effects.
     beyond_probes
-        True if the added vessels are distal to the probes at the ends of vessels; one network cannot hold them
-        together with added vessels proximal to the same probes.
+        True if the added vessels are distal to the probes at the ends of vessels, behind those of other effects.
     feedback
         True if `changes` needs the mean pressures at the beds, which takes repeated runs.
     acts_as_source

@@ -13,7 +13,6 @@ from coronaryuq.zerod.effects.grafting import (
     grafted_name,
     locations_renamed,
     open_end,
-    probes_kept,
 )
 
 
@@ -80,7 +79,3 @@ class DistalCollateral(Collateral):
         probes = {s.location for s in observed if s.quantity == "flow"}
         pairs = combinations(anatomy.beds.values(), 2)
         return [f"{a}~{b}" for a, b in pairs if probes & {anatomy.outlet(a), anatomy.outlet(b)}]
-
-    def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
-        source, sink = place.split("~")
-        return probes_kept(anatomy, source) | probes_kept(anatomy, sink)

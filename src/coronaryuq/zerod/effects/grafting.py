@@ -4,11 +4,31 @@ An added vessel has a stem, such as `LAD_leak`, by which its effect finds it aga
 patient has a vessel, bed or junction of that name.
 """
 
+from collections.abc import Callable, Iterable
+
 from coronaryuq.case.network.network import GRAFTED, Network
 from coronaryuq.zerod.effects.anatomy import Anatomy
+from coronaryuq.zerod.effects.base import Effect
 
 DISTAL = "distal"
 """Suffix of stubs beyond the probes."""
+
+
+def with_elements(
+    network: Network, effects: Iterable[tuple[Effect, str]], anatomy_of: Callable[[Network], Anatomy]
+) -> tuple[Network, dict[str, str]]:
+    """Return the network with the elements of effects, each with its place, and old → new names of locations.
+
+    Whatever their order, those beyond the probes come last, and each kind in the order of names. anatomy_of: returns
+    the anatomy of a network.
+    """
+    renamed: dict[str, str] = {}
+    for one, place in sorted(effects, key=lambda placed: (placed[0].beyond_probes, placed[0].name, placed[1])):
+        anatomy = anatomy_of(network)
+        if one.inserts(place, anatomy):
+            renamed = renamed_again(renamed, one.aliases(place, anatomy))
+            network = one.insert(network, place, anatomy)
+    return network, renamed
 
 
 def grafted(network: Network, stem: str) -> str | None:
@@ -35,7 +55,8 @@ def open_end(network: Network, vessel: str, tag: str) -> tuple[Network, str, dic
     A vessel that ends in a plain junction keeps it. One that ends in a bed gets a junction and a lossless stub
     `VESSEL_TAG` to the bed; the location `VESSEL:BED`, the flow into the bed, becomes `VESSEL_TAG:BED`. One that ends
     in a junction with its own values, to which no vessels can be added, gets a stub to that junction; the location
-    becomes that of the vessel's end ahead of the stub.
+    becomes that of the vessel's end ahead of the stub. With the tag `DISTAL` the bed of an outlet vessel gets the stub,
+    behind those of other effects, and its probes stay ahead of it.
 
     Returns
     -------
@@ -44,39 +65,44 @@ def open_end(network: Network, vessel: str, tag: str) -> tuple[Network, str, dic
     """
     network = network.deep_copy()
     anatomy = Anatomy(network)
-    renamed = locations_renamed(anatomy, vessel, tag)
+    renamed, opened = locations_renamed(anatomy, vessel, tag), _opened(anatomy, vessel, tag)
     if not renamed:
-        return network, anatomy.downstream[vessel], {}
+        return network, anatomy.downstream[opened], {}
     stem = f"{vessel}_{tag}"
     stub = grafted_name(network, stem)
     junction = f"J_{stub}"
-    parent = network.vessel(vessel)
-    if vessel in anatomy.outlet_bc:
+    parent = network.vessel(opened)
+    if opened in anatomy.outlet_bc:
         del parent["boundary_conditions"]["outlet"]
         if not parent["boundary_conditions"]:
             del parent["boundary_conditions"]
-        number = add_vessel(network, stem, {"R_poiseuille": 0.0}, outlet=anatomy.outlet_bc[vessel])
+        number = add_vessel(network, stem, {"R_poiseuille": 0.0}, outlet=anatomy.outlet_bc[opened])
     else:
         number = add_vessel(network, stem, {"R_poiseuille": 0.0})
-        _reconnect(network.junction(anatomy.downstream[vessel]), "inlet", parent, number, stub)
+        _reconnect(network.junction(anatomy.downstream[opened]), "inlet", parent, number, stub)
     _add_junction(network, junction, parent["vessel_id"], number)
     return network, junction, renamed
 
 
 def locations_renamed(anatomy: Anatomy, vessel: str, tag: str) -> dict[str, str]:
     """Return old name → new name of the location that `open_end` renames."""
-    end, stub = anatomy.downstream[vessel], grafted_name(anatomy.network, f"{vessel}_{tag}")
-    if vessel in anatomy.outlet_bc:
-        return {f"{vessel}:{end}": f"{stub}:{end}"}
-    if "junction_values" in anatomy.network.junction(end):
-        return {f"{vessel}:{end}": f"{vessel}:J_{stub}"}
+    opened = _opened(anatomy, vessel, tag)
+    end, stub = anatomy.downstream[opened], grafted_name(anatomy.network, f"{vessel}_{tag}")
+    if opened in anatomy.outlet_bc and tag != DISTAL:
+        return {f"{opened}:{end}": f"{stub}:{end}"}
+    if opened in anatomy.outlet_bc or "junction_values" in anatomy.network.junction(end):
+        return {f"{opened}:{end}": f"{opened}:J_{stub}"}
     return {}
 
 
-def probes_kept(anatomy: Anatomy, vessel: str) -> dict[str, str]:
-    """Return old → new name of the end of an outlet vessel with a `DISTAL` stub, where its probes stay ahead of it."""
-    end, stub = anatomy.downstream[vessel], grafted_name(anatomy.network, f"{vessel}_{DISTAL}")
-    return {f"{vessel}:{end}": f"{vessel}:J_{stub}"} if vessel in anatomy.outlet_bc else {}
+def _opened(anatomy: Anatomy, vessel: str, tag: str) -> str:
+    """Return the vessel of which `open_end` opens the end: the last one ahead of a `DISTAL` stub, or `vessel` itself."""
+    if tag != DISTAL:
+        return vessel
+    if stub := grafted(anatomy.network, f"{vessel}_{DISTAL}"):
+        return anatomy.parents(stub)[0]
+    # What other effects have added leads elsewhere, at a greater distance or behind the stub to the bed.
+    return anatomy.vessel_of[anatomy.outlets_below(vessel)[0]]
 
 
 def into_bed(location: str, bed: str) -> str:

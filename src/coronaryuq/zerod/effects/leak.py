@@ -14,7 +14,6 @@ from coronaryuq.zerod.effects.grafting import (
     grafted_name,
     locations_renamed,
     open_end,
-    probes_kept,
 )
 
 CLOSED = 1e-9
@@ -143,6 +142,3 @@ class DistalLeak(SideBranchLeak):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         probes = {s.location for s in observed if s.quantity == "flow"}
         return [vessel for vessel in anatomy.beds.values() if anatomy.outlet(vessel) in probes]
-
-    def aliases(self, place: str, anatomy: Anatomy) -> dict[str, str]:
-        return probes_kept(anatomy, place)
