@@ -225,6 +225,30 @@ def test_paths_on_both_sides_of_a_probe_keep_their_side_in_any_order(ahead, beyo
     assert np.abs(both - sum(each)).max() < 0.1 * min(np.abs(one).max() for one in each)
 
 
+TIMES = np.linspace(0.0, PERIOD, 101)
+OTHER_BEDS = {
+    "nothing": {},
+    "a scaled resistance": {"scale": {"BC_lcx": {"Ra2": 2.0}}},
+    "a compliance as given": {"set": {"BC_lcx": {"Cc": 1e-6}}},
+    "another compression": {"drive": {"BC_lcx": (TIMES, 4e4 * np.sin(np.pi * TIMES / PERIOD) ** 2)}},
+}
+
+
+@pytest.mark.parametrize("beside", ["bed_resistance", "back_pressure", "intramyocardial_pressure"])
+@pytest.mark.parametrize("changed", OTHER_BEDS)
+def test_a_side_branch_carries_a_share_of_what_the_bed_beside_it_carries(changed, beside):
+    """Whatever conditions, recalibration and other effects change in that bed: the branch's did not follow."""
+    other = Condition("other", coronary_resistance_scale=0.5, **OTHER_BEDS[changed])
+    measured = [mean(one, "flow", place) for one in (REST, other) for place in ("J0:lcx", "lcx:BC_lcx")]
+    forward = model(measured=measured, second=other)
+    place = "BC_lcx" if beside == "bed_resistance" else "all beds"
+    z = [*np.random.default_rng(1).normal(size=len(forward.nuisances)), 1.0, 1.0]
+    hypothesis = assume((effect("side_branch"), "lcx"), (effect(beside), place))
+    carried, left = forward.predict(np.array(z), hypothesis)[0].reshape(2, 2).T
+    share = float(effect("side_branch").parameters[0].from_standard(1.0))
+    assert carried == pytest.approx((1.0 + share) * left, rel=1e-4)
+
+
 def test_leaks_and_collaterals_on_both_sides_of_the_probes_do_not_share_a_network():
     """Predictions with many effects grafted into few networks are those with each alone."""
     forward = model(measured=[mean(REST, "flow", place) for place in ("lad:BC_lad", "lcx:BC_lcx")])

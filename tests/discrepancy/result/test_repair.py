@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
+from coronaryuq.bench.discrepancy.open_loop_tree import PERIOD, left_coronary
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
-from coronaryuq.discrepancy.data.conditions import read_conditions, write_conditions
+from coronaryuq.discrepancy.data.conditions import Condition, read_conditions, write_conditions
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
@@ -88,6 +89,33 @@ def test_measurements_have_the_locations_of_the_repaired_network(tmp_path):
     assert [(one.condition, one.quantity, one.location) for one in again.forward.measured] == series
     assert again.y == pytest.approx(expected, rel=1e-12)
     assert again.forward.predict(np.zeros(again.count))[0] == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_side_branch_follows_the_conditions_of_its_bed_in_the_repaired_model(tmp_path):
+    """Scaled, set, driven and recalibrated under a condition, as the bed that it copies is."""
+    phase = np.linspace(0.0, PERIOD, 51)
+    changes = {"scale": {"BC_lcx": {"Ra2": 1.5}}, "set": {"BC_lcx": {"Cc": 2e-6}}}
+    drive = {"BC_lcx": (phase, 4e4 * np.sin(np.pi * phase / PERIOD) ** 2)}
+    conditions = {"rest": Condition("rest"), "other": Condition("other", 0.5, drive=drive, **changes)}
+    times = PERIOD * (np.arange(20) + 0.5) / 20
+    measured = [
+        Measured(name, "flow", place, "waveform", times, PERIOD, np.ones(20), np.ones(20))
+        for name in conditions
+        for place in ("J0:lcx", "lcx:BC_lcx")
+    ]
+    forward = make_problem(left_coronary(), conditions, measured, Settings()).forward
+    acting = assume(("side_branch", "lcx"), ("intramyocardial_pressure", "all beds"))
+    z = np.append(0.5 * np.random.default_rng(2).normal(size=len(forward.nuisances)), [1.0, 1.0])
+    expected = forward.predict(z, acting)[0]
+    repaired(forward, acting, Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path)
+    written = read_conditions(tmp_path / "conditions.yaml")
+    again = make_problem(
+        read_network(tmp_path / "repaired.json"),
+        written,
+        [replace(one, location=one.location.replace("lcx:BC", "lcx_branch:BC")) for one in measured],
+        Settings(),
+    ).forward
+    assert again.predict(np.zeros(len(again.nuisances)))[0] == pytest.approx(expected, rel=2e-3, abs=1e-3)
 
 
 def test_a_rewired_model_is_a_case_that_predicts_what_the_patient_has(tmp_path):

@@ -23,6 +23,8 @@ Entry = dict[str, Any]
 
 GRAFTED = "grafted"
 """Another: what the vessel of an effect is for; no vessel of the patient has it. See `zerod.effects.grafting`."""
+COPY_OF = "copy_of"
+"""Entry of a boundary condition that an effect added: another one, with whose values its own change."""
 
 
 class Element(NamedTuple):
@@ -75,6 +77,15 @@ class Network(dict[str, Any]):
     def heart(self) -> Entry:
         """The closed-loop heart block."""
         return self["closed_loop_blocks"][0]
+
+    @property
+    def copies(self) -> dict[str, list[str]]:
+        """Boundary condition → those that are copies of it."""
+        found: dict[str, list[str]] = {}
+        for block in self.boundary_conditions:
+            if COPY_OF in block:
+                found.setdefault(block[COPY_OF], []).append(block["bc_name"])
+        return found
 
     @property
     def vessel_names(self) -> dict[int, str]:

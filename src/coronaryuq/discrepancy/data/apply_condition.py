@@ -29,7 +29,8 @@ def apply_condition(network: Network, condition: Condition, file: str | Path = "
     network
         svZeroDSolver network.
     condition
-        Condition to apply: resistance of the arterioles, `scale` and `set`, drives, then the period.
+        Condition to apply: resistance of the arterioles, `scale` and `set`, drives, then the period. Copies of a
+        boundary condition follow it, unless the condition names them, too.
     file
         Conditions file named in error messages.
 
@@ -68,7 +69,10 @@ def _change_values(network: Network, anatomy: Anatomy, condition: Condition, fil
                     if name not in values or not is_number(values[name]):
                         known = ", ".join(k for k, v in values.items() if is_number(v))
                         raise InputError(file, f"{condition.name}.{key}.{block}.{name}", None, f"known: {known}")
-                    values[name] = values[name] * value if key == "scale" else value
+                    old, values[name] = values[name], values[name] * value if key == "scale" else value
+                    for copy in (copy for copy in network.copies.get(block, []) if copy not in table):
+                        own = network.bed_values(copy)
+                        own[name] = own[name] * values[name] / old if old else values[name]
 
 
 def _check_stenoses(anatomy: Anatomy, condition: Condition, file: str | Path) -> None:
@@ -103,7 +107,9 @@ def _drive(anatomy: Anatomy, condition: Condition, period: float, file: str | Pa
             where = f"{condition.name}.drive.{name}: mean over the network's own"
             raise InputError(file, where, float(f"{given / own:.3g}"), f"use the network's unit of {kind.lower()}")
         time, value = without_noise(time, value)
-        block["bc_values"]["t"], block["bc_values"][WAVEFORMS[kind]] = time.tolist(), value.tolist()
+        copies = (copy for copy in anatomy.network.copies.get(name, []) if copy not in condition.drive)
+        for each in (name, *copies):
+            anatomy.blocks[each]["bc_values"] |= {"t": time.tolist(), WAVEFORMS[kind]: value.tolist()}
     return target
 
 

@@ -317,8 +317,8 @@ class Forward:
     ) -> dict[str, np.ndarray | float]:
         """Return the parameter values set by all effects of one sample under a condition.
 
-        Each acts on the network as changed by those before it, sorted by name, so that the order of the hypothesis does
-        not matter.
+        Each acts on the network as changed by those before it: sorted by name, so that the order of the hypothesis does
+        not matter, and those that add vessels last.
         """
         condition, network = self.conditions[name], prepared.networks[name]
         situation = ConditionState(
@@ -330,7 +330,7 @@ class Forward:
         )
         changes: dict[str, np.ndarray | float] = {}
         acting = [pair for pair in zip(hypothesis, sizes, strict=True) if pair[0].effect.side == "network"]
-        for (effect, place), values in sorted(acting, key=lambda pair: pair[0].key):
+        for (effect, place), values in sorted(acting, key=lambda pair: (pair[0].effect.grafted, pair[0].key)):
             arrays = {name: np.array([value]) for name, value in values.items()}
             present = with_changes(network, changes) if changes else network
             found = effect.changes(present, place, arrays, self.anatomy, situation)
@@ -345,9 +345,11 @@ class Forward:
         for column, nuisance in enumerate(self.nuisances):
             if nuisance.targets and name in (nuisance.conditions or (name,)):
                 for key in nuisance.targets:
-                    # CORONARY_VAR_RES has two Ra2 where CORONARY has one.
-                    for target in (key,) if key in own or key == BLOOD else (f"{key}_min", f"{key}_max"):
-                        scaled.setdefault(target, []).append(len(used))
+                    block, _, parameter = key.rpartition(".")
+                    for one in (key, *(f"{copy}.{parameter}" for copy in prepared.copies.get(block, []))):
+                        # CORONARY_VAR_RES has two Ra2 where CORONARY has one.
+                        for target in (one,) if one in own or one == BLOOD else (f"{one}_min", f"{one}_max"):
+                            scaled.setdefault(target, []).append(len(used))
                 used.append(nuisance.factor(z[:, column]))
         return np.array(used).reshape(-1, len(z)).T.copy(), scaled
 

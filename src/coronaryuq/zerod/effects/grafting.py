@@ -96,7 +96,7 @@ def locations_renamed(anatomy: Anatomy, vessel: str, tag: str) -> dict[str, str]
 
 
 def _opened(anatomy: Anatomy, vessel: str, tag: str) -> str:
-    """Return the vessel of which `open_end` opens the end: the last one ahead of a `DISTAL` stub, or `vessel` itself."""
+    """Return the vessel that `open_end` opens at its end: the last one ahead of a `DISTAL` stub, or `vessel` itself."""
     if tag != DISTAL:
         return vessel
     if stub := grafted(anatomy.network, f"{vessel}_{DISTAL}"):

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from copy import deepcopy
 from typing import Any
 
-from coronaryuq.case.network.network import GRAFTED, Network
+import numpy as np
+
+from coronaryuq.case.network.network import COPY_OF, GRAFTED, Network
 from coronaryuq.zerod.effects.anatomy import COMPLIANCES, RESISTANCES, Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Effect, Number, Parameter, Series, Values
 from coronaryuq.zerod.effects.grafting import (
@@ -15,6 +17,7 @@ from coronaryuq.zerod.effects.grafting import (
     locations_renamed,
     open_end,
 )
+from coronaryuq.zerod.network.waveforms import sampled
 
 CLOSED = 1e-9
 """Fraction of a usual flow that an added path carries before `changes` opens it."""
@@ -81,8 +84,8 @@ class SideBranchLeak(Effect):
 class SideBranch(SideBranchLeak):
     """Flow lost at the end of a vessel to a side branch whose bed dilates and is compressed as those beyond the vessel.
 
-    The bed is of the kind of the first one beyond the vessel, with resistances and compliances in proportion to the
-    share.
+    The bed is a copy of the first one beyond the vessel, with resistances and compliances in proportion to the share:
+    what conditions, recalibration and other effects change there, changes here.
     """
 
     name = "side_branch"
@@ -100,12 +103,17 @@ class SideBranch(SideBranchLeak):
     ) -> Values:
         beds = [network.bed_values(name) for name in anatomy.beds_below(place)]
         conductances = [1.0 / sum(values.get(name, 0.0) for name in RESISTANCES) for values in beds]
-        # Conditions have changed the closed bed as they have changed the first of the others.
-        opened = sizes["share"] * sum(conductances) / conductances[0] / CLOSED
-        bed = self._bed(network, place)
-        values = network.bed_values(bed)
-        changes = {f"{bed}.{name}": values[name] / opened for name in RESISTANCES if name in values}
-        return changes | {f"{bed}.{name}": values[name] * opened for name in COMPLIANCES if name in values}
+        opened = sizes["share"] * sum(conductances) / conductances[0]
+        bed, first = self._bed(network, place), anatomy.beds_below(place)[0]
+        changes = {f"{bed}.{name}": value / opened for name, value in beds[0].items() if name in RESISTANCES}
+        changes |= {f"{bed}.{name}": value * opened for name, value in beds[0].items() if name in COMPLIANCES}
+        # Of the rest, such as the back pressure, only what other effects have changed differs from the copy's own.
+        for name, value in beds[0].items():
+            kept = np.array_equal(value, network.bed_values(bed)[name])
+            if not (kept or name == "t" or f"{bed}.{name}" in changes):
+                changed = sampled(network, f"{first}.{name}") if np.ndim(value) else value
+                changes[f"{bed}.{name}"] = np.repeat([changed], np.size(opened), axis=0)
+        return changes
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:
         return dict(sizes)
@@ -115,7 +123,7 @@ class SideBranch(SideBranchLeak):
         values = first["bc_values"]
         values |= {name: values[name] / CLOSED for name in RESISTANCES if name in values}
         values |= {name: values[name] * CLOSED for name in COMPLIANCES if name in values}
-        return {"bc_type": first["bc_type"], "bc_values": values}
+        return {"bc_type": first["bc_type"], "bc_values": values, COPY_OF: first["bc_name"]}
 
 
 def _own_beds(place: str, anatomy: Anatomy) -> list[str]:

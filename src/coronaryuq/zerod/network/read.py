@@ -11,6 +11,7 @@ from typing import Any
 from coronaryuq.case.network.network import (
     AFTER_HEART,
     BEFORE_HEART,
+    COPY_OF,
     ENTRANCE,
     GRAFTED,
     HEART,
@@ -81,7 +82,7 @@ _VESSEL |= {"zero_d_element_values"}
 # (cm) at even distances, and the fraction of the stenosis coefficient that stands for the entrance from the aorta; and
 # what a vessel that an effect added is for.
 _VESSEL |= {"placed_in", "radii", ENTRANCE, GRAFTED}
-_BOUNDARY = {"bc_name", "bc_type", "bc_values"}
+_BOUNDARY = {"bc_name", "bc_type", "bc_values", COPY_OF}
 _JUNCTION = {"junction_name", "junction_type", "junction_values", "areas"}
 _JUNCTION |= {"inlet_vessels", "outlet_vessels", "inlet_blocks", "outlet_blocks"}
 _LOOP = {"name", "outlet_blocks", "closed_loop_type", "cardiac_cycle_period", "parameters"}
