@@ -196,7 +196,11 @@ def test_incomplete_hyperaemia_does_not_act_at_rest(tree):
     network, anatomy = tree
     one = effect("incomplete_hyperaemia")
     assert one.changes(network, "all beds", {"share": np.array([0.3])}, anatomy, situation(anatomy, 1.0)) == {}
-    found = one.changes(network, "all beds", {"share": np.array([1.0])}, anatomy, situation(anatomy, 0.25))
+    below, found, above = (
+        one.changes(network, "all beds", {"share": np.array([share])}, anatomy, situation(anatomy, 0.25))
+        for share in (0.9, 1.0, 1.1)
+    )
+    assert all(above[name] - found[name] == pytest.approx(found[name] - below[name]) for name in found)
     # With the whole dilatation missing, the network under the condition (0.25) is back at rest (1).
     own = anatomy.blocks["BC_lad"]["bc_values"]["Ra1"]
     assert found["BC_lad.Ra1"] == pytest.approx(4.0 * own)
@@ -221,6 +225,29 @@ def test_rotation_by_a_whole_territory_is_a_permutation():
     true = [np.array([[value]]) for value in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]
     seen = effect("rotated_territories").observe("perfusion map", {"share": np.array([1.0])}, series, true)
     assert np.ravel(seen) == pytest.approx([2.0, 3.0, 1.0, 5.0, 6.0, 4.0])
+
+
+def test_no_rotation_depends_on_the_order_of_the_measurements():
+    series = perfusion_series()
+    order = [4, 2, 0, 5, 1, 3]
+    true = [np.array([[value]]) for value in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]
+    one, size = effect("rotated_territories"), {"share": np.array([-0.3])}
+    seen = one.observe("perfusion map", size, series, true)
+    mixed = one.observe("perfusion map", size, [series[i] for i in order], [true[i] for i in order])
+    assert np.ravel(mixed) == pytest.approx(np.ravel(seen)[order])
+
+
+@pytest.mark.parametrize(
+    ("name", "place"), [("shifted_territory", "BC_a<BC_b"), ("rotated_territories", "perfusion map")]
+)
+def test_a_share_of_a_territory_has_no_kink_at_one(name, place):
+    """A fit that noise takes beyond 1 found no derivative there; the printed share exceeded the one that acts."""
+    true = [np.array([[value]]) for value in (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)]
+    below, at, above = (
+        np.ravel(effect(name).observe(place, {"share": np.array([share])}, perfusion_series(), true))
+        for share in (0.9, 1.0, 1.1)
+    )
+    assert above - at == pytest.approx(at - below) and np.abs(above - at).max() > 0.05
 
 
 def test_a_shared_offset_acts_on_all_pressures_of_its_place(tree):

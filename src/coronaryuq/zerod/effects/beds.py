@@ -154,8 +154,7 @@ class IncompleteHyperaemia(Effect):
 
     name = "incomplete_hyperaemia"
     formula = (
-        "R = R_rest (f + s (1 - f)), f the nominal factor of the condition, s the missing fraction of the dilatation, "
-        "at most 1"
+        "R = R_rest (f + s (1 - f)), f the nominal factor of the condition, s the missing fraction of the dilatation"
     )
     source = "De Bruyne et al., Circulation 107 (2003) 1877"
     signature = "flow too low in conditions that dilate the beds, correct in the others"
@@ -172,9 +171,7 @@ class IncompleteHyperaemia(Effect):
         nominal = condition.resistance_scale
         if nominal >= 1.0:
             return {}
-        # A fraction above 1 would leave the bed more constricted than at rest.
-        share = np.minimum(np.asarray(sizes["share"]), 1.0)
-        factor = (nominal + share * (1.0 - nominal)) / nominal
+        factor = (nominal + np.asarray(sizes["share"]) * (1.0 - nominal)) / nominal
         changes: Values = {}
         for bed in _beds_of(place, anatomy):
             changes |= {f"{bed}.{k}": v * factor for k, v in arteriolar(network, bed).items()}

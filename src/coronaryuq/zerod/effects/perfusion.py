@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from coronaryuq.case.anatomy.vessel_names import natural_key
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import Effect, Parameter, Series, Values
 
@@ -56,7 +57,7 @@ class ShiftedTerritory(MapError):
     """Part of one territory attributed to another."""
 
     name = "shifted_territory"
-    formula = "MBF_a = (1 - s) F_a + s F_b, s at most 1"
+    formula = "MBF_a = (1 - s) F_a + s F_b"
     source = "territories by nearest outlet and their noise: Menon et al. (2024)"
     signature = (
         "perfusion of one territory drawn towards that of another in every condition; pressures and epicardial flows "
@@ -72,7 +73,7 @@ class ShiftedTerritory(MapError):
         self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
     ) -> list[np.ndarray]:
         taker, giver = place.split("<")
-        share = np.minimum(np.asarray(sizes["share"]), 1.0)[:, None]
+        share = np.asarray(sizes["share"])[:, None]
         index = {(s.condition, s.location, s.statistic): i for i, s in enumerate(series) if s.quantity == "perfusion"}
         observed = list(predicted)
         for (condition, location, statistic), i in index.items():
@@ -86,11 +87,10 @@ class RotatedTerritories(MapError):
     """Rotated map of territories: part of every territory attributed to the next."""
 
     name = "rotated_territories"
-    formula = (
-        "MBF_i = (1 - |s|) F_i + |s| F_(i+1) (s > 0) or F_(i-1) (s < 0), territories in the order of the measurements"
-    )
+    formula = "MBF_i = (1 - |s|) F_i + |s| F_(i+1) (s > 0) or F_(i-1) (s < 0), territories in the order of their names"
     source = "AHA 17-segment convention: Cerqueira et al., Circulation 105 (2002) 539"
     signature = "perfusion of every territory drawn towards that of its neighbour, the same in every condition"
+    changes_shape = True
     parameters = (Parameter("share", "1", "normal", 0.0, 0.3, "rotation over a territory's width"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
@@ -99,9 +99,9 @@ class RotatedTerritories(MapError):
     def observe(
         self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
     ) -> list[np.ndarray]:
-        territories = list(dict.fromkeys(s.location for s in series if s.quantity == "perfusion"))
+        territories = sorted({s.location for s in series if s.quantity == "perfusion"}, key=natural_key)
         index = {(s.condition, s.location, s.statistic): i for i, s in enumerate(series) if s.quantity == "perfusion"}
-        share = np.clip(np.asarray(sizes["share"]), -1.0, 1.0)[:, None]
+        share = np.asarray(sizes["share"])[:, None]
         observed = list(predicted)
         for (condition, location, statistic), i in index.items():
             position = territories.index(location)

@@ -17,9 +17,6 @@ TOWARDS, AND, WITH = " towards ", " and ", " with "
 class _ReadsElsewhere(Sensor):
     """Reading that contains a share of the waveform at another place."""
 
-    most: ClassVar[float] = np.inf
-    """Largest share."""
-
     def read(
         self,
         place: str,
@@ -31,7 +28,7 @@ class _ReadsElsewhere(Sensor):
     ) -> np.ndarray:
         if other is None:
             return wave
-        share = np.minimum(np.asarray(sizes["share"], dtype=float), self.most)[:, None]
+        share = np.asarray(sizes["share"], dtype=float)[:, None]
         return self.kept(share) * wave + share * other
 
     def kept(self, share: np.ndarray) -> np.ndarray | float:
@@ -41,8 +38,6 @@ class _ReadsElsewhere(Sensor):
 
 class _Misplaced(_ReadsElsewhere):
     """Probe away from its stated place. Places: each sensor, with each vessel that meets its own there."""
-
-    most = 1.0
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         return [
@@ -66,7 +61,7 @@ class MisplacedPressure(_Misplaced):
     """Pressure read in a neighbouring vessel, or nearer to the other end of its own."""
 
     name = "misplaced_pressure"
-    formula = "P_read = (1 - s) P + s P_far, P_far at the far end of that vessel, s at most 1"
+    formula = "P_read = (1 - s) P + s P_far, P_far at the far end of that vessel"
     source = "Kern et al., Circulation 114 (2006) 1321 (position of pressure wires)"
     signature = "one pressure between that of its place and that of a neighbouring place, in every phase and condition"
     parameters = (Parameter("share", "1", "lognormal", 0.5, 0.7, "distance as a fraction of that vessel's loss"),)
@@ -87,7 +82,7 @@ class MisplacedFlow(_Misplaced):
     """Flow read, in part or in full, in a neighbouring vessel."""
 
     name = "misplaced_flow"
-    formula = "Q_read = (1 - s) Q + s Q_neighbour, s at most 1"
+    formula = "Q_read = (1 - s) Q + s Q_neighbour"
     source = "Gatehouse et al., J. Cardiovasc. Magn. Reson. 12 (2010) 5 (planes and vessels in flow measurement)"
     signature = "one flow between that of its vessel and that of a neighbouring one, in every phase and condition"
     quantities: ClassVar[tuple[str, ...]] = ("flow",)
