@@ -36,8 +36,9 @@ def white_and_shapes(correlation: np.ndarray, smooth: float = SMOOTH) -> tuple[f
         Standard deviation of the white part, and shapes (n, k), largest first.
     """
     variances, shapes = np.linalg.eigh(correlation)
-    variances, shapes = variances[::-1], shapes.T[::-1]
+    # Of two samples at one place one variance is zero, but for rounding.
+    variances, shapes = np.maximum(variances[::-1], 0.0), shapes.T[::-1]
     rest = np.cumsum(variances[::-1])[::-1] / np.arange(variances.size, 0, -1)
-    count = int(np.argmax(variances < smooth * rest))
+    count = int(np.argmax(variances <= smooth * rest))
     white = rest[count]
     return float(np.sqrt(white)), shapes[:count] * np.sqrt(variances[:count] - white)[:, None]

@@ -27,7 +27,11 @@ def _rename(network, part, key, name):
         (lambda n: n.pop("vessels"), "vessels: missing"),
         (
             lambda n: _rename(n, "vessels", "vessel_name", "la:d"),
-            "vessels.vessel_name = 'la:d': expected a name without : ~ <",
+            "vessels.vessel_name = 'la:d': expected a name without ':'",
+        ),
+        (
+            lambda n: _rename(n, "vessels", "vessel_name", "branch from lad"),
+            "vessels.vessel_name = 'branch from lad': expected a name without 'from'",
         ),
         (lambda n: _rename(n, "boundary_conditions", "bc_name", "BC<1"), "boundary_conditions.bc_name = 'BC<1'"),
         (lambda n: _rename(n, "junctions", "junction_name", "J~1"), "junctions.junction_name = 'J~1'"),

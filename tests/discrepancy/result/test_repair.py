@@ -3,18 +3,20 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from coronaryuq.bench.discrepancy.hidden_cases import open_loop
 from coronaryuq.bench.discrepancy.open_loop_tree import PERIOD, left_coronary
+from coronaryuq.bench.discrepancy.pullback_cases import PATH, model
 from coronaryuq.core import units
 from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition, read_conditions, write_conditions
-from coronaryuq.discrepancy.data.measurements import Measured
+from coronaryuq.discrepancy.data.measurements import COLUMNS, PULLBACK_COLUMNS, Measured
 from coronaryuq.discrepancy.forward.hypothesis import PlacedEffect
 from coronaryuq.discrepancy.hidden.experiment import loop_conditions
 from coronaryuq.discrepancy.inference.gauss_newton import Fit
-from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem
+from coronaryuq.discrepancy.inference.read_problem import make_problem, read_problem, read_series
 from coronaryuq.discrepancy.result.repair import (
     repaired,
     repaired_conditions,
@@ -116,6 +118,23 @@ def test_a_side_branch_follows_the_conditions_of_its_bed_in_the_repaired_model(t
         Settings(),
     ).forward
     assert again.predict(np.zeros(len(again.nuisances)))[0] == pytest.approx(expected, rel=2e-3, abs=1e-3)
+
+
+def test_repaired_measurements_keep_the_times_of_a_pullback(tmp_path):
+    """Without them, the drift of the wire had another course in the repaired case."""
+    pressure, drift = (("hyperaemia", quantity, PATH, "mean") for quantity in ("pressure", "drift"))
+    rows = [(*pressure, 60.0 + 30.0 * k, 70.0, 1.0, "mmHg", 120.0 - 40.0 * k, "mm") for k in range(4)]
+    rows.append((*drift, 300.0, 1.0, 0.5, "mmHg", np.nan, ""))
+    path, conditions = tmp_path / "measurements.csv", {"hyperaemia": Condition("hyperaemia")}
+    pd.DataFrame(rows, columns=[*COLUMNS, *PULLBACK_COLUMNS]).to_csv(path, index=False)
+    measured = read_series(model(), path, conditions, "conditions.yaml")
+    forward = make_problem(model(), conditions, measured, Settings()).forward
+    z = np.zeros(len(forward.nuisances))
+    repaired(forward, assume(), Fit(z, np.zeros(1), np.zeros((1, len(z))))).write(tmp_path / "repaired")
+    again = read_series(model(), tmp_path / "repaired" / "measurements.csv", conditions, "conditions.yaml")
+    courses = [[one.pullback.response for one in each] for each in (again, measured)]
+    assert all(new == pytest.approx(old) for new, old in zip(*courses, strict=True))
+    assert courses[1][0][0] == pytest.approx(units.MMHG * 0.5)
 
 
 def test_a_rewired_model_is_a_case_that_predicts_what_the_patient_has(tmp_path):

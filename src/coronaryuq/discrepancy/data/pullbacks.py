@@ -110,15 +110,16 @@ def read_pullback(
         remedy = "turns round or repeats; give one pullback of a vessel in each condition, in the order of its readings"
         fail("distance (mm)", along, remedy, line)
     order = np.argsort(distance, kind="stable")
-    errors = condition.pullback
-    weight = _weights(rows["time"], distance, errors.begins, checked_at, fail)
+    errors, time = condition.pullback, rows["time"]
+    weight = _weights(time, distance, errors.begins, checked_at, fail)
     return order, Pullback(
         vessels,
-        np.minimum(distance, length)[order],
+        distance[order],
         length,
         units.MMHG * weight[order],
         errors.drift_sd,
         errors.noise_length * units.MM,
+        time=time.to_numpy(float)[order] if time.notna().all() else None,
     )
 
 
@@ -132,7 +133,7 @@ def _weights(time: pd.Series, distance: np.ndarray, begins: float, checked_at: f
         fail("time", None, "some readings of this pullback have a time; give s since equalisation for all, or for none")
     seconds = time.to_numpy(float)
     end = seconds.max() if checked_at is None else checked_at
-    if seconds.min() < 0.0 or end < seconds.max() or end == 0.0:
+    if seconds.min() < 0.0 or end < seconds.max() or seconds.max() == 0.0:
         worst = seconds.min() if seconds.min() < 0.0 else seconds.max()
         fail("time", float(worst), f"expected s since equalisation, up to the drift check ({end:.4g} s)")
     return seconds / end
@@ -140,7 +141,9 @@ def _weights(time: pd.Series, distance: np.ndarray, begins: float, checked_at: f
 
 def as_check(pullback: Pullback) -> Pullback:
     """Return the drift check of a pullback: one reading, with the whole drift."""
-    return replace(pullback, distance=np.zeros(1), drift=np.full(1, units.MMHG), root_pressure=1.0)
+    drift = np.full(1, units.MMHG)
+    time = None if pullback.time is None else pullback.time.max() * drift / pullback.drift.max()
+    return replace(pullback, distance=np.zeros(1), drift=drift, root_pressure=1.0, time=time)
 
 
 def check_alone(path: str | Path, paths: Sequence[tuple[str, tuple[str, ...], int]]) -> None:

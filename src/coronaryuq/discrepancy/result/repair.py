@@ -115,8 +115,9 @@ def measurement_table(
         quantity = series.table_quantity
         unit = WRITTEN_IN[quantity]
         location = renamed.get(series.location, series.location)
-        times = [np.nan] * series.value.size if series.time is None else series.time
-        along = [np.nan] * series.value.size
+        unknown = [np.nan] * series.value.size
+        known = series.time if series.pullback is None else series.pullback.time
+        times, along = unknown if known is None else known, unknown
         if series.pullback is not None and series.quantity != CHECK:
             along = (series.pullback.distance / units.MM).tolist()
         corrected, sd = series.value - change[0], np.hypot(series.sd, spread[0])

@@ -20,7 +20,7 @@ class Pullback:
     path
         Vessels of the searched network from proximal to distal.
     distance
-        Of each reading from the start of the first vessel, (k,), cm.
+        Of each reading from the start of the first vessel, (k,), cm; of the last ones slightly beyond the path, maybe.
     length
         Of the path, cm.
     drift
@@ -31,6 +31,8 @@ class Pullback:
         Correlation length of the noise along the path, cm.
     root_pressure
         Mean pressure (dyn/cm2) over which ratios are taken; 1 for pressures.
+    time
+        Of each reading since equalisation, (k,), s; None if it is not given.
     """
 
     path: tuple[str, ...]
@@ -40,6 +42,7 @@ class Pullback:
     drift_sd: float
     noise_length: float
     root_pressure: float = 1.0
+    time: np.ndarray | None = None
 
     @property
     def response(self) -> np.ndarray:

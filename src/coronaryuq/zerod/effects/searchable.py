@@ -5,8 +5,8 @@ from pathlib import Path
 from coronaryuq.case.network.network import Network
 from coronaryuq.core.errors import InputError
 
-MARKS = (":", "~", "<", ">")
-"""Separators of the blocks of a place."""
+MARKS = (":", "~", "<", ">", " and ", " towards ", " with ", " from ", " under ", " but ")
+"""Separators of the blocks of a place, and of a place and a condition."""
 NEVER_NEGATIVE = ("R_poiseuille", "L", "C")
 """Values of a vessel; a stenosis coefficient is negative where a vessel widens, as one learned from 3D may be."""
 
@@ -14,7 +14,8 @@ NEVER_NEGATIVE = ("R_poiseuille", "L", "C")
 def check_searchable(network: Network, file: str | Path) -> None:
     """Raise `InputError` if the network contains what no effect can act on; `file` for messages.
 
-    Places are written BLOCK:BLOCK, BED~BED, BED<BED and VESSEL>VESSEL, so no name may contain these separators.
+    Places are written BLOCK:BLOCK, BED~BED, BED<BED, VESSEL>VESSEL, VESSEL from VESSEL and so on, so that no name may
+    contain these separators.
     """
     if not network.vessels:
         raise InputError(file, "vessels", None, "missing; there is no vessel or bed that an effect could act on")
@@ -34,5 +35,6 @@ def check_searchable(network: Network, file: str | Path) -> None:
                 raise InputError(file, where, value, "expected a value of zero or more")
     for part, key in (("vessels", "vessel_name"), ("boundary_conditions", "bc_name"), ("junctions", "junction_name")):
         for block in network.get(part, []):
-            if any(mark in block[key] for mark in MARKS):
-                raise InputError(file, f"{part}.{key}", block[key], f"expected a name without {' '.join(MARKS)}")
+            for mark in MARKS:
+                if mark in block[key]:
+                    raise InputError(file, f"{part}.{key}", block[key], f"expected a name without {mark.strip()!r}")
