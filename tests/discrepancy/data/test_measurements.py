@@ -80,6 +80,27 @@ def test_a_beat_may_end_with_its_first_sample_again(stenosis_case, tmp_path):
         np.testing.assert_array_equal(one.value, other.value)
 
 
+def test_two_sensors_of_one_name_are_told_by_their_units(error_of):
+    def change(table):
+        rows = (table.statistic == "waveform") & (table.quantity == "flow")
+        table.loc[rows & (np.arange(len(table)) % 2 == 1), "unit"] = "mL/min"
+        return table
+
+    assert "unit = 'mL/s, mL/min': a series has one unit; keep the rows of one sensor" in error_of(change)
+
+
+def test_a_waveform_of_a_few_readings_and_their_interpolation_is_rejected(error_of):
+    def change(table):
+        rows = (table.statistic == "waveform") & (table.location == table.location[0])
+        rows &= (table.quantity == table.quantity[0]) & (table.condition == table.condition[0])
+        time = table.time[rows].to_numpy()
+        read = time[::8]
+        table.loc[rows, "value"] = np.interp(time, read, np.random.default_rng(0).normal(5.0, 2.0, len(read)))
+        return table
+
+    assert "number of points that neither repeat nor interpolate others" in error_of(change)
+
+
 def test_a_ratio_must_be_a_mean(error_of):
     message = error_of(lambda t: t.assign(**{"quantity": "ratio", "statistic": "min", "unit": "1"}))
     assert "line 2: statistic = 'min'" in message and "use mean" in message

@@ -12,6 +12,7 @@ from coronaryuq.bench.discrepancy.benchmark import NATURE
 from coronaryuq.bench.discrepancy.cases import Case
 from coronaryuq.bench.discrepancy.hidden_cases import closed_loop, open_loop
 from coronaryuq.bench.discrepancy.trial import hide, read_case
+from coronaryuq.core.correlated_noise import autoregressive
 from coronaryuq.discrepancy.data.conditions import read_conditions
 from coronaryuq.discrepancy.inference.noise import (
     HARMONICS,
@@ -123,6 +124,24 @@ def test_long_correlated_noise_of_dense_samples_is_not_taken_for_smaller_noise()
         longest = max(one.noise.correlation_time for one in estimate.alternatives)
         assert 0.7 * correlation_time < longest < 0.1 * PERIOD
         assert 0.4 < estimate.noise.scale < 0.8
+
+
+def test_the_noise_does_not_depend_on_the_order_of_the_conditions():
+    """The longest correlation time followed the beat of the waveform that came first."""
+    beats = {"rest": 1.2, "pacing": 0.6}
+    step, found = 0.01, []
+    for names in (list(beats), list(beats)[::-1]):
+        measured, residual = [], []
+        for name in names:
+            for number in range(3):
+                count = round(beats[name] / step)
+                time = (np.arange(count) + 0.5) * step
+                measured.append(replace(waveform(time, beats[name]), condition=name, location=f"a{number}:b"))
+                random = np.random.default_rng([number, count])
+                residual.append(autoregressive(count, np.exp(-step / 0.09), random))
+        noise = noise_estimates(series_problem(measured), np.concatenate(residual))["flow"]
+        found.append([(one.noise.correlation_time, one.noise.scale) for one in noise.alternatives])
+    assert found[0] == [pytest.approx(one) for one in found[1]]
 
 
 def test_waveforms_too_short_to_scatter_have_the_stated_noise():

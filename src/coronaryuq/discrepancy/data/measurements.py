@@ -112,6 +112,11 @@ def read_measurements(
     checks = frame[frame["quantity"] == DRIFT]
     for key, rows in frame.groupby(["condition", "quantity", "location", "statistic"], sort=False, dropna=False):
         condition, quantity, location, statistic = map(str, key)
+        if rows["unit"].nunique() > 1:
+            given = ", ".join(rows["unit"].unique())
+            raise InputError(
+                path, f"{'/'.join(key)}: unit", given, "a series has one unit; keep the rows of one sensor"
+            )
         factor = rows["unit"].astype(str).map(UNITS[quantity]).to_numpy(float)
         value, sd = rows["value"].to_numpy(float) * factor, rows["sd"].to_numpy(float) * factor
         time, pullback, readings, period = None, None, None, periods[condition]
@@ -128,6 +133,7 @@ def read_measurements(
             once = _once(time, period)
             once = once[true_readings(time[once], value[once], sd[once])]
             time, value, sd = time[once], value[once], sd[once]
+            _check_waveform(path, key, time, period, "points that neither repeat nor interpolate others")
             if readings := dense(time, period):
                 time, value, sd = readings.averaged(time), readings.averaged(value), readings.sd(sd)
         elif len(rows) > 1:
@@ -241,11 +247,11 @@ def _number(value: Any) -> bool:
     return isinstance(value, int | float | np.number) and bool(np.isfinite(value))
 
 
-def _check_waveform(path: str | Path, key: Iterable, time: np.ndarray, period: float) -> None:
+def _check_waveform(path: str | Path, key: Iterable, time: np.ndarray, period: float, points: str = "points") -> None:
     where = "/".join(map(str, key))
     if len(time) < LEAST_POINTS:
         remedy = f"expected at least {LEAST_POINTS} over the cycle; add points or give the mean"
-        raise InputError(path, f"{where}: number of points", len(time), remedy)
+        raise InputError(path, f"{where}: number of {points}", len(time), remedy)
     if np.ptp(time) > LONGEST * period:
         remedy = f"{np.ptp(time) / period:.3g} cycles of {period:.4g} s; give one beat with times in s"
         raise InputError(path, f"{where}: time span (s)", float(np.ptp(time)), remedy)

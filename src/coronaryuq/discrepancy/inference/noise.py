@@ -164,7 +164,7 @@ def _estimate(waveforms: list[_Waveform]) -> Estimate:
     if not waveforms:
         return Estimate(None, ())
     step, freedom = float(np.median([one.step for one in waveforms])), sum(len(one.values) for one in waveforms)
-    longest = LONGEST * waveforms[0].series.period
+    longest = LONGEST * min(one.series.period for one in waveforms)
     times = [0.0, *(-step / np.log(correlation) for correlation in CORRELATIONS)]
     times += [time for correlation in OF_DENSE_SAMPLES if (time := -step / np.log(correlation)) <= longest]
     fits = np.array([[one.fit(time) for one in waveforms] for time in times])
