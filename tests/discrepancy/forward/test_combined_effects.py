@@ -154,6 +154,34 @@ def test_the_order_of_two_instruments_in_a_hypothesis_does_not_matter():
     assert np.abs(both - predicted(forward, [exchange], -0.5)).max() > 0.02
 
 
+def test_the_order_of_an_offset_and_a_gain_in_a_hypothesis_does_not_matter():
+    forward = model(measured=[waveform(REST, "flow", "lad:BC_lad")])
+    gain, offset = (effect("flow_gain"), "lad:BC_lad"), (effect("flow_offset"), "lad:BC_lad")
+    both = predicted(forward, [gain, offset], 1.0, 2.0)
+    assert np.array_equal(predicted(forward, [offset, gain], 2.0, 1.0), both)
+
+
+def test_the_zero_of_a_transducer_is_wrong_by_as_much_at_a_low_pressure():
+    """It was wrong by a fraction of the mean of its own readings."""
+    time, aortic, _ = pressures()
+    low = Condition("low", drive={"AORTA": (time, 0.2 * aortic)})
+    forward = model(measured=[mean(low, "pressure", "lad:BC_lad")], second=low)
+    plain, read = predicted(forward), predicted(forward, [(effect("pressure_offset"), "lad:BC_lad")], 1.0)
+    assert plain[0] < 20.0 * units.MMHG
+    assert read - plain == pytest.approx(0.08 * aortic.mean(), rel=0.02)
+
+
+def test_a_delay_of_a_compression_that_a_condition_gives_is_possible():
+    """In the network, the intramyocardial pressure is constant."""
+    network, phase = left_coronary(compressed=False), np.linspace(0.0, PERIOD, 41)
+    given = {"BC_lad": (phase, 5e4 * np.sin(np.pi * phase / PERIOD) ** 2)}
+    delay = effect("intramyocardial_delay")
+    assert delay.places(model(network).anatomy) == []
+    driven = model(network, second=Condition("hyperaemia", coronary_resistance_scale=0.3, drive=given))
+    assert delay.places(driven.anatomy) == ["all beds"]
+    assert np.abs(predicted(driven, [DELAY], 1.0) - predicted(driven)).max() > 0.01
+
+
 @pytest.mark.parametrize(("name", "quantity"), [("exchanged_flows", "flow"), ("exchanged_pressures", "pressure")])
 def test_exchanged_channels_read_each_other_although_sampled_at_other_times(name, quantity):
     places = "J1:diagonal", "lcx:BC_lcx"

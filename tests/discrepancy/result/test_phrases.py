@@ -148,7 +148,7 @@ def test_sizes_by_condition_are_described_as_the_effect_describes_them():
 def test_an_offset_beside_which_another_unit_is_printed_says_what_it_is_relative_to():
     varying = Constancy(placed("pressure_offset", "a:b"), 9.0, {"rest": (1.0, 0.1), "pacing": (2.0, 0.1)})
     assert phrases.sizes_by_condition(by_condition(varying, FORWARD)).startswith(
-        "offset over the mean pressure of the series: rest 0.08"
+        "offset over the mean pressure at the root: rest 0.08"
     )
 
 
@@ -176,9 +176,10 @@ def test_outliers_are_listed_with_a_remedy():
 
 
 def test_an_offset_by_condition_is_told_in_clinical_units():
-    """A tenth of the true mean, that is, without the offset."""
-    measured = [Measured("rest", "pressure", "a:b", "mean", None, 1.0, np.array([110.0 * MMHG]), np.ones(1))]
+    """A tenth of the pressure at the root, wherever the sensor is."""
+    five = np.array([5.0 * MMHG])
+    measured = [Measured("rest", "pressure", "a:b", "mean", None, 1.0, five, np.ones(1), scale=100.0 * MMHG)]
     scale = effect("pressure_offset").parameters[0].from_standard(1.0)
     offset = Constancy(placed("pressure_offset", "a:b"), 9.0, {"rest": (0.1 / float(scale), 0.0)})
     told = by_condition(offset, SimpleNamespace(anatomy=OPEN_LOOP, measured=measured))
-    assert told["label"].endswith("in mmHg") and told["conditions"]["rest"][0] == pytest.approx(10.0, rel=0.1)
+    assert told["label"].endswith("in mmHg") and told["conditions"]["rest"][0] == pytest.approx(10.0)

@@ -255,15 +255,22 @@ def test_a_shared_offset_acts_on_all_pressures_of_its_place(tree):
     network, anatomy = tree
     one, root, size = effect("shared_offset"), "AORTA:left_main", {"offset": np.array([0.1])}
     but_root = f"every pressure but {root}"
-    far, farther = (Series("rest", "pressure", place, "mean", None, 1.0) for place in ("lad:BC_lad", "lcx:BC_lcx"))
-    at_root, flow = (Series("rest", quantity, root, "mean", None, 1.0) for quantity in ("pressure", "flow"))
-    ratio = Series("rest", "ratio", "lad:BC_lad", "mean", None, 1.0)
+    at_root, far, farther, flow, ratio = (
+        Series("rest", quantity, place, "mean", None, 1.0, scale=scale)
+        for quantity, place, scale in (
+            ("pressure", root, 100.0),
+            ("pressure", "lad:BC_lad", 100.0),
+            ("pressure", "lcx:BC_lcx", 100.0),
+            ("flow", root, 3.0),
+            ("ratio", "lad:BC_lad", 1.0),
+        )
+    )
     series = [at_root, far, farther, flow]
     assert one.places(anatomy, series) == ["every pressure", but_root]
     predicted = [np.array([[value]]) for value in (100.0, 90.0, 70.0, 3.0)]
     read = {p: np.ravel(one.observe(p, size, series, predicted)) for p in one.places(anatomy, series)}
-    assert read[but_root] == pytest.approx([100.0, 98.0, 78.0, 3.0])
-    assert read["every pressure"] == pytest.approx([100.0 + 26.0 / 3.0, 90.0 + 26.0 / 3.0, 70.0 + 26.0 / 3.0, 3.0])
+    assert read[but_root] == pytest.approx([100.0, 100.0, 80.0, 3.0])
+    assert read["every pressure"] == pytest.approx([110.0, 100.0, 80.0, 3.0])
     # Neither the offset of a single sensor nor a second name for the same sensors is a place.
     assert one.places(anatomy, [at_root, far]) == ["every pressure"]
     assert one.places(anatomy, [far, farther]) == ["every pressure"]
@@ -271,7 +278,7 @@ def test_a_shared_offset_acts_on_all_pressures_of_its_place(tree):
     # A ratio of two pressures with the same offset hardly changes, which distinguishes the two places.
     assert one.places(anatomy, [far, farther, ratio]) == ["every pressure", but_root]
     both = [np.ravel(one.observe(p, size, [far, ratio], [np.array([[80.0]]), np.array([[0.8]])])) for p in read]
-    assert both[0] == pytest.approx([88.0, 88.0 / 108.0], abs=0.01) and both[1] == pytest.approx([88.0, 0.88])
+    assert both[0] == pytest.approx([90.0, 90.0 / 110.0], abs=0.01) and both[1] == pytest.approx([90.0, 0.90])
 
 
 @pytest.mark.parametrize("name", HEART)

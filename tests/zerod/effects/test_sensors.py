@@ -11,8 +11,8 @@ from coronaryuq.zerod.effects.library import effect
 CONDITIONS = ("rest", "hyperaemia", "pacing")
 
 
-def means(quantity, place):
-    return [Series(condition, quantity, place, "mean", None, 1.0) for condition in CONDITIONS]
+def means(quantity, place, scale=4.0):
+    return [Series(condition, quantity, place, "mean", None, 1.0, scale=scale) for condition in CONDITIONS]
 
 
 @pytest.mark.parametrize(("quantity", "name"), [("flow", "flow"), ("pressure", "pressure")])
@@ -23,6 +23,9 @@ def test_a_drift_grows_evenly_over_the_conditions_and_an_offset_does_not(quantit
     assert read == pytest.approx([2.0, 6.2, 4.4, 1.0, 1.0, 1.0])
     read = np.ravel(effect(f"{name}_offset").observe("a:b", {"offset": np.array([0.1])}, series, predicted))
     assert read == pytest.approx([2.4, 6.4, 4.4, 1.0, 1.0, 1.0])
+    backward = [-value for value in predicted]
+    read = np.ravel(effect(f"{name}_offset").observe("a:b", {"offset": np.array([0.1])}, series, backward))
+    assert read == pytest.approx([-1.6, -5.6, -3.6, -1.0, -1.0, -1.0])
     assert effect(f"{name}_drift").places(None, series) == ["a:b", "b:c"]
     assert effect(f"{name}_drift").places(None, series[:1]) == []
 

@@ -135,9 +135,8 @@ def _run(shape: Shape, experiment: Experiment, cases: list[make_case.Subject]) -
     forward = cases[0].problem.forward
     places = dict.fromkeys(name for series in forward.measured for name in forward.variables(series.channel, {}))
     names = list(places | dict.fromkeys(_drop(shape, network)))
-    model = FlowModel(
-        _domain(shape, network), shape_in_0d(shape, network), forward.root, units.BLOOD_DENSITY, units.BLOOD_VISCOSITY
-    )
+    own = _domain(shape, network), shape_in_0d(shape, network), forward.root(None)
+    model = FlowModel(*own, units.BLOOD_DENSITY, units.BLOOD_VISCOSITY)
     begin = np.repeat(starts, len(cases), axis=0)
     outcomes = Ensemble(model, RUN).run(changes, len(tables), waveforms=names, start=begin)
     failed = next((one.reason for one in outcomes if not one.ok), None)

@@ -79,8 +79,13 @@ class Topology:
         return list(self.graph.succ[vessel])
 
     def path(self, vessel: str) -> list[str]:
-        """Return the vessels from the first root to `vessel`, both included."""
-        return nx.shortest_path(self.graph, self.roots[0], vessel)
+        """Return the vessels from the root to `vessel`, both included."""
+        return nx.shortest_path(self.graph, self.root_of(vessel), vessel)
+
+    def root_of(self, vessel: str | None) -> str:
+        """Return the first of the roots that feed a vessel; the first of all if none does."""
+        above = nx.ancestors(self.graph, vessel) | {vessel} if vessel in self.graph else set()
+        return next((root for root in self.roots if root in above), self.roots[0])
 
     def subtree(self, vessel: str) -> list[str]:
         """Return `vessel` and every vessel that it feeds, the nearest first."""

@@ -189,7 +189,7 @@ class Forward:
         for i, series in enumerate(self.measured):
             waves = waveforms.get(series.condition)
             if waves is not None and series.pullback is not None:
-                places, root = placed or [{}] * len(z), self._root_pressure(renamed)
+                places, root = placed or [{}] * len(z), self._root_pressure(series.pullback.path[0], renamed)
                 blocks[i] = read(series, waves, topology, places, root, self.pressure_factor)
             elif waves is not None:
                 blocks[i] = self.reading(series, waves, z, renamed, chains)
@@ -206,12 +206,18 @@ class Forward:
         values[~np.isfinite(used[0]).all(axis=1)] = np.nan
         return values
 
-    def _root_pressure(self, renamed: dict[str, str]) -> str:
-        return f"pressure:{renamed.get(self.root, self.root)}"
+    def root(self, vessel: str | None) -> str:
+        """Return the location of the pressure that drives a vessel: the inlet of its root."""
+        return self.anatomy.inlet(self.anatomy.root_of(vessel))
+
+    def _root_pressure(self, vessel: str | None, renamed: dict[str, str]) -> str:
+        return f"pressure:{renamed.get(self.root(vessel), self.root(vessel))}"
 
     def _observe(self, row: np.ndarray, z: np.ndarray, hypothesis: Hypothesis) -> np.ndarray:
         blocks = self.split(row[None, :])
-        for (effect, place), values in zip(hypothesis, hypothesis.physical_sizes(z), strict=True):
+        # As for the network, the order of the hypothesis does not matter.
+        pairs = zip(hypothesis, hypothesis.physical_sizes(z), strict=True)
+        for (effect, place), values in sorted(pairs, key=lambda pair: pair[0].key):
             if effect.side == "measurement":
                 blocks = effect.observe(place, {k: np.array([v]) for k, v in values.items()}, self.measured, blocks)
         return np.concatenate(blocks, axis=1)[0]
@@ -240,7 +246,7 @@ class Forward:
             for name in self.variables(read, renamed)
         ]
         for pullback in filter(None, (series.pullback for series in measured)):
-            names += [*pressures(prepared.topology, pullback), self._root_pressure(renamed)]
+            names += [*pressures(prepared.topology, pullback), self._root_pressure(pullback.path[0], renamed)]
         beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
         responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
         names = list(dict.fromkeys(names + (list(beds.values()) if any(responds) else [])))
@@ -367,17 +373,12 @@ class Forward:
             end = f"{self.anatomy.beds[place]}:{place}"
             return (f"flow:{into_bed(renamed.get(end, end), place)}",)
         if quantity == "ratio":
-            return f"pressure:{location}", self._root_pressure(renamed)
+            return f"pressure:{location}", self._root_pressure(self.anatomy.vessel_at(place), renamed)
         return (location if location in self._inner else f"{quantity}:{location}",)
 
     @cached_property
     def _inner(self) -> frozenset[str]:
         return frozenset(inner_unknowns(Engine(self.network).unknowns))
-
-    @property
-    def root(self) -> str:
-        """Location of the driving pressure: the inlet of the first root vessel."""
-        return self.anatomy.inlet(self.anatomy.roots[0])
 
     def _series(
         self, series: Measured, waveforms: list[np.ndarray], period: float, z: np.ndarray, late: np.ndarray

@@ -15,6 +15,7 @@ from coronaryuq.discrepancy.data.conditions import Condition, held_out_names
 from coronaryuq.discrepancy.data.measurements import AORTIC, Measured, measured_conditions, read_measurements
 from coronaryuq.discrepancy.forward.nuisance import Nuisance, nuisances, tissue_mass
 from coronaryuq.discrepancy.forward.predict import Forward
+from coronaryuq.discrepancy.forward.reading_scales import with_scales
 from coronaryuq.discrepancy.forward.simulation import LOOSE, TOLERANCE, Simulation
 from coronaryuq.discrepancy.inference.cross_validation import folds_of
 from coronaryuq.discrepancy.inference.evidence import PossibleNoise
@@ -331,6 +332,7 @@ def make_problem(
     anatomy.pressure = abs(values[root])
     anatomy.flow = {vessel: values[name] for vessel, name in names.items()}
     anatomy.period = period_of(network)
+    anatomy.driven = {block for condition in conditions.values() for block in condition.drive}
     parameters = nuisances(network, conditions, measured, settings)
     forward = Forward(
         Simulation(network, conditions, anatomy, settings.steps_per_cycle, settings.threads),
@@ -343,30 +345,11 @@ def make_problem(
     forward.masses = {
         n.mass: tissue_mass(n.mass, conditions, measured, anatomy) for n in parameters if n.mass is not None
     }
-    forward = replace(forward, measured=_with_root_pressure(forward))
+    forward = replace(forward, measured=with_scales(forward))
     held = held_out_names(conditions)
     problem = Problem(forward, settings, np.ones(forward.size, dtype=bool))
     problem.train = ~np.isin(problem.condition, held) | problem.anchors(held)
     return problem
-
-
-def _with_root_pressure(forward: Forward) -> list[Measured]:
-    """Return the series; the ratios of a wire, whose drift is one of pressure, with the pressure in the denominator."""
-    ratios = {s.condition: s for s in forward.measured if s.quantity == f"{OF_WIRE}ratio"}
-    if not ratios:
-        return forward.measured
-    asked = [
-        replace(s, quantity="pressure", location=forward.root, statistic="mean", value=s.value[:1], pullback=None)
-        for s in ratios.values()
-    ]
-    alone = replace(forward, measured=asked, shapes=None)
-    known = dict(zip(ratios, alone.predict(np.zeros(len(forward.nuisances)))[0].tolist(), strict=True))
-    return [
-        replace(s, pullback=replace(s.pullback, root_pressure=known[s.condition]))
-        if s.pullback is not None and s.quantity == f"{OF_WIRE}ratio"
-        else s
-        for s in forward.measured
-    ]
 
 
 def _as_it_is(engine: Engine, quantities: list[str], steps_per_cycle: int) -> dict[str, float]:

@@ -102,17 +102,16 @@ def described_sizes(placed: PlacedEffect, sizes: list[tuple[Parameter, float, fl
 
 
 def in_clinical_units(placed: PlacedEffect, described: list[dict], measured: Sequence[Measured]) -> list[dict]:
-    """Return the offset of a sensor in mmHg or mL/min, not over its mean reading; other sizes as they are."""
-    if not (found := _clinical(placed, described[0]["value"], measured)):
+    """Return the offset of a sensor in mmHg or mL/min, not over the scale of its readings; other sizes as they are."""
+    if not (found := _clinical(placed, measured)):
         return described
     (size,), (meaning, factor) = described, found
     return [size | {"meaning": meaning} | {key: size[key] * factor for key in ("value", "low", "high")}]
 
 
-def _clinical(placed: PlacedEffect, size: float, measured: Sequence[Measured]) -> tuple[str, float] | None:
+def _clinical(placed: PlacedEffect, measured: Sequence[Measured]) -> tuple[str, float] | None:
     """Return what the offset of a sensor is, and a size of 1 in that unit; None for other effects."""
-    means = [float(series.value.mean()) for series in measured]
-    return placed.effect.clinical(placed.place, size, measured, means) if isinstance(placed.effect, Offset) else None
+    return placed.effect.clinical(placed.place, measured) if isinstance(placed.effect, Offset) else None
 
 
 SMALL = 1e-6
@@ -134,7 +133,7 @@ def by_condition(varying: Constancy, forward: Forward) -> dict:
         each = parameter.with_interval(mean, sd) if effect.changes_shape else each
         sizes[condition] = [float(effect.describe(parameter, one, anatomy)[1]) for one in each]
     own = _size_label(varying.placed, parameter, anatomy), 1.0
-    label, factor = _clinical(varying.placed, size, forward.measured) or own
+    label, factor = _clinical(varying.placed, forward.measured) or own
     ordered = {condition: [value, *sorted(ends)] for condition, (value, *ends) in sizes.items()}
     sizes = {condition: [factor * value for value in values] for condition, values in ordered.items()}
     return {"label": label, "unit": "" if parameter.unit == "1" else parameter.unit, "conditions": sizes}

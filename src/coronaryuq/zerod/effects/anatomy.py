@@ -24,6 +24,8 @@ class Anatomy(Topology):
         Absolute mean flow of each vessel, in the network's unit.
     period : float
         Cardiac period (s).
+    driven : set of str
+        Boundary conditions of which a waveform is given under some condition.
     """
 
     def __init__(
@@ -31,6 +33,7 @@ class Anatomy(Topology):
     ):
         super().__init__(network)
         self.pressure, self.flow, self.period = pressure, flow or {}, period
+        self.driven: set[str] = set()
 
     @property
     def beds(self) -> dict[str, str]:

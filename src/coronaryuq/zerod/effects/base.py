@@ -70,7 +70,7 @@ class Series:
 
     time: (k,) s within the cycle for waveforms, None for mean, min and max. period: s. pullback: places of the readings
     of a wire that was pulled through several vessels; `location` is then its path. readings: those of which the values
-    at `time` are averages.
+    at `time` are averages. scale: usual size of what its sensor reads, CGS, to which offsets are relative.
     """
 
     condition: str
@@ -81,6 +81,7 @@ class Series:
     period: float
     pullback: Pullback | None = field(default=None, kw_only=True)
     readings: Readings | None = field(default=None, kw_only=True)
+    scale: float | None = field(default=None, kw_only=True)
 
     @property
     def channel(self) -> Channel:

@@ -34,13 +34,18 @@ class DynamicPressure(Effect):
         self.density = density
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        return [AT_PROBES, AT_DRIVE] if _driven(anatomy) else [AT_PROBES]
+        return [AT_PROBES, AT_DRIVE] if any(_driven(anatomy, root) for root in anatomy.roots) else [AT_PROBES]
 
     def elsewhere(self, place: str, series: Series, anatomy: Anatomy) -> Channel | None:
-        location = anatomy.inlet(anatomy.roots[0]) if place == AT_DRIVE else series.location
-        driving = _driven(anatomy) and series.location == anatomy.inlet(anatomy.roots[0])
-        inside = anatomy.vessel_at(series.location) is not None
-        return ("flow", location) if inside and not driving and series.quantity in ("pressure", "ratio") else None
+        vessel = anatomy.vessel_at(series.location)
+        if vessel is None or series.quantity not in ("pressure", "ratio"):
+            return None
+        root = anatomy.root_of(vessel)
+        if _driven(anatomy, root) and series.location == anatomy.inlet(root):
+            return None
+        if place == AT_DRIVE:
+            return ("flow", anatomy.inlet(root)) if _driven(anatomy, root) else None
+        return "flow", series.location
 
     def read(
         self,
@@ -72,7 +77,7 @@ class DynamicPressure(Effect):
         return max(areas)
 
 
-def _driven(anatomy: Anatomy) -> bool:
-    """Whether the pressure at the inlet is given."""
-    bed = anatomy.inlet_bc.get(anatomy.roots[0])
+def _driven(anatomy: Anatomy, root: str) -> bool:
+    """Whether the pressure at an inlet is given."""
+    bed = anatomy.inlet_bc.get(root)
     return bed is not None and anatomy.kind(bed) == "PRESSURE"

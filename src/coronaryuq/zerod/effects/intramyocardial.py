@@ -61,8 +61,7 @@ class IntramyocardialPressure(Effect):
     def assumption(self, anatomy: Anatomy, covariates: list[dict]) -> str:
         if anatomy.closed_loop or all("LV" in waveforms for waveforms in covariates):
             return ""
-        beds = [anatomy.blocks[bed]["bc_values"]["Pim"] for bed in _open_beds(anatomy)]
-        pulsing = all(np.ptp(pressure) > PULSING * anatomy.pressure for pressure in beds)
+        pulsing = all(_pulses(anatomy, bed) for bed in _open_beds(anatomy))
         shape = (
             "the model's intramyocardial pressure" if pulsing else f"a half sine over {percent(EJECTION)} of the beat"
         )
@@ -88,8 +87,7 @@ class IntramyocardialDelay(Effect):
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         if anatomy.closed_loop:
             return []
-        pulses = [np.ptp(anatomy.blocks[bed]["bc_values"]["Pim"]) for bed in _open_beds(anatomy)]
-        return [ALL] if any(pulse > PULSING * anatomy.pressure for pulse in pulses) else []
+        return [ALL] if any(_pulses(anatomy, bed) for bed in _open_beds(anatomy)) else []
 
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
@@ -104,6 +102,11 @@ class IntramyocardialDelay(Effect):
 
 def _open_beds(anatomy: Anatomy) -> list[str]:
     return [bed for bed in anatomy.beds if "Pim" in anatomy.blocks[bed]["bc_values"]]
+
+
+def _pulses(anatomy: Anatomy, bed: str) -> bool:
+    """Whether the intramyocardial pressure of a bed has a waveform, in the network or under a condition."""
+    return bed in anatomy.driven or np.ptp(anatomy.blocks[bed]["bc_values"]["Pim"]) > PULSING * anatomy.pressure
 
 
 def waveform(network: Network, bed: str, period: float) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,13 @@ CLINICAL = {"pressure": ("mmHg", units.MMHG), "flow": ("mL/min", units.ML_PER_MI
 """Quantity → unit in which an offset is reported, and its size in CGS."""
 
 
+def scale_of(series: Series) -> float:
+    """Return the usual size of what a sensor reads, CGS; raise `ValueError` if it is not known."""
+    if series.scale is None:
+        raise ValueError(f"the scale of {series.quantity} at {series.location} is not known")
+    return series.scale
+
+
 class Sensor(Effect):
     """Base class of the errors of one sensor."""
 
@@ -46,40 +53,28 @@ class _Gain(Sensor):
 
 
 class Offset(Sensor):
-    """Error that does not depend on the reading: a size times the mean of all readings of the sensor."""
+    """Error that does not depend on the reading: a size times the scale of the sensor's readings."""
 
-    across_conditions = True
     meaning = "offset"
 
-    def clinical(
-        self, place: str, size: float, series: Sequence[Series], means: Sequence[float]
-    ) -> tuple[str, float] | None:
-        """Return what the error is in words, and what a size of 1 is in that unit; None if no mean reading tells.
-
-        means: mean of each series as measured, with the error: CGS.
-        """
+    def clinical(self, place: str, series: Sequence[Series]) -> tuple[str, float] | None:
+        """Return what the error is in words, and what a size of 1 is in that unit; None of ratios alone."""
         quantity = self.quantities[0]
-        affected = [i for i, s in enumerate(series) if s.quantity == quantity and self._covers(place, s.location)]
-        if not affected:
-            return None
-        weights, (name, unit) = self._weights(series), CLINICAL[quantity]
-        present = np.mean([weights[series[i].condition] for i in affected])
-        scale = np.mean([means[i] for i in affected]) / (1.0 + size * present)
-        return f"{self.meaning} in {name}", float(scale / unit)
+        name, unit = CLINICAL[quantity]
+        scales = [scale_of(s) for s in series if s.quantity == quantity and self._covers(place, s.location)]
+        return (f"{self.meaning} in {name}", scales[0] / unit) if scales else None
 
     def observe(
         self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
     ) -> list[np.ndarray]:
         (size,) = sizes.values()
-        observed, weights = list(predicted), self._weights(series)
-        for quantity in self.quantities:
-            affected = [i for i, s in enumerate(series) if s.quantity == quantity and self._covers(place, s.location)]
-            if affected:
-                scale = np.mean([predicted[i].mean(axis=1) for i in affected], axis=0)
-                for i in affected:
-                    added = weights[series[i].condition] * np.asarray(size) * scale
-                    observed[i] = predicted[i] + added[:, None]
-        return observed
+        weights = self._weights(series)
+        return [
+            values + weights[s.condition] * scale_of(s) * np.asarray(size)[:, None]
+            if s.quantity in self.quantities and self._covers(place, s.location)
+            else values
+            for s, values in zip(series, predicted, strict=True)
+        ]
 
     def _covers(self, place: str, location: str) -> bool:
         return location == place
@@ -113,7 +108,7 @@ class PressureOffset(Offset):
     formula = "P_read = P + b"
     source = "Gardner, Anesthesiology 54 (1981) 227"
     signature = "one pressure wrong by a constant in every phase and condition"
-    parameters = (Parameter("offset", "1", "normal", 0.0, 0.08, "offset over the mean pressure of the series"),)
+    parameters = (Parameter("offset", "1", "normal", 0.0, 0.08, "offset over the mean pressure at the root"),)
 
 
 class SharedOffset(Offset):
@@ -127,7 +122,7 @@ class SharedOffset(Offset):
     formula = "P_read = P + b at several places"
     source = "Cook et al., Circ. Cardiovasc. Interv. 9 (2016) e002988 (drift of pressure wires)"
     signature = "several pressures wrong by one constant in every phase and condition"
-    parameters = (Parameter("offset", "1", "normal", 0.0, 0.08, "offset over the mean of these pressures"),)
+    parameters = (Parameter("offset", "1", "normal", 0.0, 0.08, "offset over the mean pressure at the root"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
         read = [s for s in observed if self._reads(s)]
@@ -183,7 +178,7 @@ class PressureDrift(_Drift):
     formula = "P_read = P + b k / (n - 1) in the k-th of n conditions, k from 0"
     source = "Cook et al., Circ. Cardiovasc. Interv. 9 (2016) e002988 (drift of pressure wires)"
     signature = "one pressure wrong by a constant in every phase, more from one recorded condition to the next"
-    parameters = (Parameter("drift", "1", "normal", 0.0, 0.08, "offset in the last condition over the mean pressure"),)
+    parameters = (Parameter("drift", "1", "normal", 0.0, 0.08, "offset in the last condition over that at the root"),)
 
 
 class FlowOffset(Offset):
@@ -194,7 +189,7 @@ class FlowOffset(Offset):
     source = "Wyatt, Med. Biol. Eng. 4 (1966) 17 (baseline of electromagnetic flowmeters)"
     signature = "one flow wrong by the same amount in every phase and condition, so mostly where it is low"
     quantities: ClassVar[tuple[str, ...]] = ("flow",)
-    parameters = (Parameter("offset", "1", "normal", 0.0, 0.1, "offset over the mean flow of the series"),)
+    parameters = (Parameter("offset", "1", "normal", 0.0, 0.1, "offset over the mean size of this flow in the model"),)
 
 
 class FlowDrift(_Drift):
@@ -205,7 +200,7 @@ class FlowDrift(_Drift):
     source = FlowOffset.source
     signature = "one flow wrong by the same amount in every phase, more from one recorded condition to the next"
     quantities: ClassVar[tuple[str, ...]] = ("flow",)
-    parameters = (Parameter("drift", "1", "normal", 0.0, 0.1, "offset in the last condition over the mean flow"),)
+    parameters = (Parameter("drift", "1", "normal", 0.0, 0.1, "offset in the last condition over that of the flow"),)
 
 
 class FlowSaturation(Sensor):
