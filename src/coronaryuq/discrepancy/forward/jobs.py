@@ -37,11 +37,6 @@ class Prepared:
         self.start: dict[str, np.ndarray | None] = {}
 
     @cached_property
-    def copies(self) -> dict[str, list[str]]:
-        """Boundary condition → those that are copies of it."""
-        return next(iter(self.networks.values())).copies
-
-    @cached_property
     def topology(self) -> Topology:
         """Vessels of the structure, which all conditions share."""
         return Topology(next(iter(self.networks.values())))

@@ -1,6 +1,6 @@
 """Predictions of all measured series by a network with effects, under all conditions."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -247,11 +247,24 @@ class Forward:
         ]
         for pullback in filter(None, (series.pullback for series in measured)):
             names += [*pressures(prepared.topology, pullback), self._root_pressure(pullback.path[0], renamed)]
-        beds = {bed: f"pressure:{renamed.get(f'{v}:{bed}', f'{v}:{bed}')}" for bed, v in self.anatomy.beds.items()}
-        responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
-        names = list(dict.fromkeys(names + (list(beds.values()) if any(responds) else [])))
+        names = list(dict.fromkeys(names))
+        found, _ = yield from self._settled(prepared, rows, sizes, conditions, names, tolerance)
+        return {
+            name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in found.items()}
+            for k, name in enumerate(conditions)
+        }
+
+    def _settled(
+        self, prepared: Prepared, rows: list[Row], sizes: list[Sizes], conditions: list[str], names: list[str],
+        tolerance: float = TOLERANCE,
+    ) -> Computation[tuple[dict[str, np.ndarray], Callable[[int], Job]]]:  # fmt: skip
+        """Return waveforms by solver name, all rows of one condition after the other, and the job of such a number.
+
+        Effects with feedback use the pressures to which the model converges; without names, only rows with these run.
+        """
         points = [self.point(*row) for row in rows]
         z = np.array([hypothesis.nuisances(row) for row, hypothesis in rows])
+        responds = [any(effect.feedback for effect, _ in hypothesis) for _, hypothesis in rows]
         factors = {name: self.factors(prepared, name, z) for name in conditions}
         runs = [(name, i) for name in conditions for i in range(len(rows))]
         feedback = Feedback(self.reference_pressure, [responds[i] for _, i in runs])
@@ -267,29 +280,24 @@ class Forward:
                 known[key] = self.effect_values(prepared, name, rows[i][1], sizes[i], assumed)
             return Job(points[i], name, known[key], each[i], scaled)
 
-        left = np.arange(len(runs))
-        waves: dict[str, np.ndarray] = {}
+        left = np.arange(len(runs)) if names else np.flatnonzero(feedback.responds)
+        places = [f"{self.anatomy.beds[bed]}:{bed}" for bed in feedback.beds if any(responds)]
+        beds = [f"pressure:{prepared.renamed.get(place, place)}" for place in places]
+        names = list(dict.fromkeys([*names, *beds]))
+        waves = {name: np.full((len(runs), self.simulation.steps_per_cycle + 1), np.nan) for name in names}
         while left.size:
             new = yield from self.simulation.waveforms(prepared, list(map(job, left.tolist())), names, tolerance)
-            waves = waves or new
             for key, wave in new.items():
                 waves[key][left] = wave
             if not any(responds):
                 break
-            resulting = np.array([new[beds[bed]][:, :-1].mean(axis=1) for bed in feedback.beds]).T
-            left = feedback.unsettled(left, resulting)
+            left = feedback.unsettled(left, np.array([new[bed][:, :-1].mean(axis=1) for bed in beds]).T)
         for wave in waves.values():
             wave[feedback.failed] = np.nan
-        return {
-            name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in waves.items()}
-            for k, name in enumerate(conditions)
-        }
+        return waves, job
 
     def condition_changes(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[dict, Network]:
-        """Return the changes "BLOCK.parameter" → value at a point z (p,) under one condition, and the changed network.
-
-        Effects with feedback use the pressures to which the model converges.
-        """
+        """Return the changes "BLOCK.parameter" → value at a point z (p,) under one condition, and the network."""
         prepared, job = self._job(name, z, hypothesis)
         return job.table(prepared), prepared.networks[name]
 
@@ -300,23 +308,10 @@ class Forward:
         return {} if states is None else dict(zip(prepared.engine.unknowns, states[0].tolist(), strict=False))
 
     def _job(self, name: str, z: np.ndarray, hypothesis: Hypothesis) -> tuple[Prepared, Job]:
-        prepared = self.simulation.prepared(hypothesis)
-        sizes, point = hypothesis.physical_sizes(z), self.point(z, hypothesis)
-        each, scaled = self.factors(prepared, name, hypothesis.nuisances(z)[None, :])
-        feedback = Feedback(self.reference_pressure, [any(effect.feedback for effect, _ in hypothesis)])
-
-        def job() -> Job:
-            effects = self.effect_values(prepared, name, hypothesis, sizes, feedback.assumed(0))
-            return Job(point, name, effects, each[0], scaled)
-
-        places = [f"{self.anatomy.beds[bed]}:{bed}" for bed in feedback.beds]
-        names = [f"pressure:{prepared.renamed.get(place, place)}" for place in places]
-        left = np.flatnonzero(feedback.responds)
-        while left.size:
-            computation = self.simulation.waveforms(prepared, [job()], names)
-            (waves,) = run_in_lockstep([computation], self.simulation.threads)
-            left = feedback.unsettled(left, np.array([[waves[n][0, :-1].mean() for n in names]]))
-        return prepared, job()
+        prepared, sizes = self.simulation.prepared(hypothesis), hypothesis.physical_sizes(z)
+        settled = self._settled(prepared, [(z, hypothesis)], [sizes], [name], [])
+        ((_, job),) = run_in_lockstep([settled], self.simulation.threads)
+        return prepared, job(0)
 
     def effect_values(
         self, prepared: Prepared, name: str, hypothesis: Hypothesis, sizes: Sizes, bed_pressure: dict[str, float]
@@ -345,14 +340,14 @@ class Forward:
 
     def factors(self, prepared: Prepared, name: str, z: np.ndarray) -> tuple[np.ndarray, Scaled]:
         """Return factors (n, k) at the nuisance parameters z (n, p) under a condition, and the values they scale."""
-        own = prepared.values[name]
+        own, copies = prepared.values[name], prepared.networks[name].copies
         scaled: Scaled = {}
         used: list[np.ndarray] = []
         for column, nuisance in enumerate(self.nuisances):
             if nuisance.targets and name in (nuisance.conditions or (name,)):
                 for key in nuisance.targets:
                     block, _, parameter = key.rpartition(".")
-                    for one in (key, *(f"{copy}.{parameter}" for copy in prepared.copies.get(block, []))):
+                    for one in (key, *(f"{copy}.{parameter}" for copy in copies.get(block, []))):
                         # CORONARY_VAR_RES has two Ra2 where CORONARY has one.
                         for target in (one,) if one in own or one == BLOOD else (f"{one}_min", f"{one}_max"):
                             scaled.setdefault(target, []).append(len(used))
