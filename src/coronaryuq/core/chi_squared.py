@@ -1,4 +1,4 @@
-"""Chi-squared statistics: the tail of a quadratic form, and the mean of the smaller squares."""
+"""Chi-squared statistics: the tail of a quadratic form, the best of several tests, the mean of the smaller squares."""
 
 from functools import cache
 
@@ -12,6 +12,14 @@ def chi2_tail(covariance: np.ndarray, vector: np.ndarray) -> float:
     kept = values > 1e-6 * max(values[-1], 1e-300)
     rotated = vectors[:, kept].T @ vector
     return float(stats.chi2.sf(np.sum(rotated**2 / values[kept]), kept.sum()))
+
+
+def best_of(z_scores: list[float]) -> float:
+    """Return the standard normal number whose tail is n times that of the best of n score tests, or more.
+
+    Bonferroni's bound, by the leading term of the tail.
+    """
+    return float(np.sqrt(max(max(z_scores) ** 2 - 2.0 * np.log(len(z_scores)), 0.0)))
 
 
 def trimmed_mean_square(squares: np.ndarray, trimmed: float) -> float:

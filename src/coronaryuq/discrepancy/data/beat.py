@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from coronaryuq.core.artefacts import largest_spike, longest_rest, rises
 from coronaryuq.core.errors import InputError
 from coronaryuq.core.io.tables import line_number
 from coronaryuq.core.units import percent
@@ -81,7 +82,7 @@ def _check_columns(path: Path, frame: pd.DataFrame) -> None:
         (f"minimum of {VENTRICLE}", ventricle.min(), -np.inf, low, f"above that of the aorta, {low:.3g}; {exchanged}"),
         (f"mean {FLOW}", flow.mean(), np.nextafter(0.0, 1.0), np.inf,
          "not positive; change the sign if the probe was reversed"),
-        (f"{VENTRICLE}: number of systoles", _systoles(ventricle), 1, 1,
+        (f"{VENTRICLE}: number of systoles", rises(ventricle), 1, 1,
          "expected one; cut out one beat, or average the beats"),
     ]  # fmt: skip
     for field, value, least, most, remedy in checks:
@@ -91,25 +92,12 @@ def _check_columns(path: Path, frame: pd.DataFrame) -> None:
 
 def _check_readings(path: Path, name: str, values: np.ndarray) -> None:
     """Raise `InputError` for a signal that was lost or clipped, and for a spike."""
-    spread = float(np.ptp(values))
-    ends = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan) != 0.0)
-    longest = int(np.argmax(np.diff(ends)))
-    if ends[longest + 1] - ends[longest] > LONGEST_REST * len(values):
-        remedy = f"from line {line_number(path, int(ends[longest]))} on for {np.diff(ends)[longest]} readings: "
+    (first, length), (spike, median) = longest_rest(values), largest_spike(values)
+    if length > LONGEST_REST * len(values):
+        remedy = f"from line {line_number(path, first)} on for {length} readings: "
         remedy += "lost or clipped; cut out another beat"
-        raise InputError(path, name, round(float(values[ends[longest]]), 3), remedy)
-    periodic = np.concatenate([values[-3:-1], values, values[1:3]])
-    median = np.median(np.lib.stride_tricks.sliding_window_view(periodic, 5), axis=1)
-    spike = int(np.argmax(np.abs(values - median)))
-    if len(values) >= ENOUGH_FOR_SPIKES and abs(values[spike] - median[spike]) > LARGEST_SPIKE * spread:
-        remedy = f"line {line_number(path, spike)}: a spike, {median[spike]:.3g} around it; "
+        raise InputError(path, name, round(float(values[first]), 3), remedy)
+    if len(values) >= ENOUGH_FOR_SPIKES and abs(values[spike] - median) > LARGEST_SPIKE * np.ptp(values):
+        remedy = f"line {line_number(path, spike)}: a spike, {median:.3g} around it; "
         remedy += "remove the line, or cut out another beat"
         raise InputError(path, name, round(float(values[spike]), 3), remedy)
-
-
-def _systoles(pressure: np.ndarray) -> int:
-    """Count how often the pressure rises from below 30 to above 70 % of its range in the periodic beat."""
-    share = (pressure - pressure.min()) / max(np.ptp(pressure), 1e-12)
-    high = np.where(share > 0.7, 1, np.where(share < 0.3, 0, -1))
-    states = high[high >= 0]
-    return int(np.sum(np.diff(states, append=states[0]) == 1)) if len(states) else 0

@@ -112,11 +112,9 @@ def read_measurements(
     checks = frame[frame["quantity"] == DRIFT]
     for key, rows in frame.groupby(["condition", "quantity", "location", "statistic"], sort=False, dropna=False):
         condition, quantity, location, statistic = map(str, key)
-        if rows["unit"].nunique() > 1:
-            given = ", ".join(rows["unit"].unique())
-            raise InputError(
-                path, f"{'/'.join(key)}: unit", given, "a series has one unit; keep the rows of one sensor"
-            )
+        if len(given := rows["unit"].unique()) > 1:
+            remedy = "a series has one unit; keep the rows of one sensor"
+            raise InputError(path, f"{'/'.join(key)}: unit", ", ".join(given), remedy)
         factor = rows["unit"].astype(str).map(UNITS[quantity]).to_numpy(float)
         value, sd = rows["value"].to_numpy(float) * factor, rows["sd"].to_numpy(float) * factor
         time, pullback, readings, period = None, None, None, periods[condition]

@@ -247,7 +247,6 @@ class Forward:
         ]
         for pullback in filter(None, (series.pullback for series in measured)):
             names += [*pressures(prepared.topology, pullback), self._root_pressure(pullback.path[0], renamed)]
-        names = list(dict.fromkeys(names))
         found, _ = yield from self._settled(prepared, rows, sizes, conditions, names, tolerance)
         return {
             name: {key: wave[k * len(rows) : (k + 1) * len(rows)] for key, wave in found.items()}

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from coronaryuq.core.few_draws import left_by_others, principal
 from coronaryuq.core.seeds import generator
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis
 from coronaryuq.discrepancy.forward.predict import Forward
@@ -43,7 +44,7 @@ class TimeSteps:
 def oscillates(runs: ErrorRuns, noise: np.ndarray) -> bool:
     """Whether the model oscillates faster than its time steps resolve."""
     change = _finite(runs.change(_points(runs)[:DRAWS], 1, FINER)) / noise
-    return bool(len(change)) and float(_principal(change - change.mean(axis=0))[0].max()) > OSCILLATES
+    return bool(len(change)) and float(principal(change - change.mean(axis=0))[0].max()) > OSCILLATES
 
 
 def time_steps(runs: ErrorRuns, noise: np.ndarray) -> TimeSteps:
@@ -74,12 +75,12 @@ def time_steps(runs: ErrorRuns, noise: np.ndarray) -> TimeSteps:
         # If the model runs at few points, only the size of the change is known.
         return TimeSteps(np.zeros(forward.size), np.zeros((0, forward.size)), noise * np.abs(change).sum(axis=0))
     further, left = change.mean(axis=0)[None, :] / FINER, np.zeros((0, forward.size))
-    differs = _principal(change - change.mean(axis=0))[0].max() > SHAPED
+    differs = principal(change - change.mean(axis=0))[0].max() > SHAPED
     if differs:
         change = np.vstack([change, _finite(runs.change(points[DRAWS:], 1, FINER)) / noise])
         finest = _finite(runs.change(points[:FEW], FINER, FINEST)) / noise
         further = finest if len(finest) == FEW else further
-        left = _left_by_others(change)
+        left = left_by_others(change)
     mean = change.mean(axis=0)
     shapes, sd = _shapes(forward, [change - mean, further], left, differs)
     return TimeSteps(noise * mean, noise * shapes, noise * sd)
@@ -97,42 +98,24 @@ def _finite(rows: np.ndarray) -> np.ndarray:
     return rows[np.isfinite(rows).all(axis=1)]
 
 
-def _principal(deviations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return lengths (k,) and shapes (k, N): principal components of the rows of (n, N)."""
-    _, lengths, directions = np.linalg.svd(deviations / np.sqrt(len(deviations)), full_matrices=False)
-    return lengths, lengths[:, None] * directions
-
-
 def _shapes(forward: Forward, sets: list[np.ndarray], left: np.ndarray, shaped: bool) -> tuple[np.ndarray, np.ndarray]:
     """Describe sets of deviations (n, N), in noise standard deviations, by shapes, and by noise for the rest.
 
     Principal components longer than `SHAPED` get weights, if `shaped`. Of what they leave, and of `left` (m, N), see
-    `_left_by_others`, the worst shapes of each series also get weights, and each row gets the root mean square along
+    `left_by_others`, the worst shapes of each series also get weights, and each row gets the root mean square along
     the worst remaining shape as noise, (N,).
     """
-    lengths, shapes = (np.concatenate(each) for each in zip(*map(_principal, sets), strict=True))
+    lengths, shapes = (np.concatenate(each) for each in zip(*map(principal, sets), strict=True))
     long = (lengths > SHAPED) & shaped
     own, sd = _each_series(forward, np.vstack([left, shapes[~long]]), OWN * shaped)
     return np.vstack([shapes[long], own]), sd
-
-
-def _left_by_others(draws: np.ndarray) -> np.ndarray:
-    """Return the part of each row of (n, N) that mean and shapes of the others do not explain, over the root of n."""
-    left = []
-    for number, row in enumerate(draws):
-        others = np.delete(draws, number, axis=0)
-        shapes = (others - others.mean(axis=0)) / np.sqrt(len(others) - 1)
-        missing = row - others.mean(axis=0)
-        weights = np.linalg.solve(np.eye(len(shapes)) + shapes @ shapes.T, shapes @ missing)
-        left.append(missing - weights @ shapes)
-    return np.array(left) / np.sqrt(len(left))
 
 
 def _each_series(forward: Forward, rest: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the worst shapes (k, N) of each series in (n, N), and standard deviations (N,) that cover the others."""
     own, sd = [], np.zeros(forward.size)
     for rows in forward.rows:
-        lengths, shapes = _principal(rest[:, rows] * np.sqrt(len(rest)))
+        lengths, shapes = principal(rest[:, rows] * np.sqrt(len(rest)))
         count = min(most, int((lengths > SHAPED).sum()), len(lengths) - 1)
         own.append(np.zeros((count, forward.size)))
         own[-1][:, rows] = shapes[:count]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
-from coronaryuq.core.chi_squared import chi2_tail
+from coronaryuq.core.chi_squared import best_of, chi2_tail
 from coronaryuq.discrepancy.decision_rule import RULE
 from coronaryuq.discrepancy.forward.hypothesis import Hypothesis, PlacedEffect
 from coronaryuq.discrepancy.inference.flexible import RIGHT, Flexible, Projection
@@ -66,7 +66,7 @@ def screen(problem: Problem, point: Fit, hypothesis: Hypothesis, candidates: lis
         if candidate.placed in z_scores:
             z_scores[candidate.placed].append(abs(linear.z_score(candidate, response, size)))
     for placed, values in z_scores.items():
-        scored[placed] = replace(scored[placed], z_score=_best_of(values))
+        scored[placed] = replace(scored[placed], z_score=best_of(values))
     # Responses to a strong effect are not proportional to its size, so the best candidates are run at their estimates.
     likeliest = sorted((c for c in scored.values() if c.guess), key=lambda c: -c.promise)[: RULE.larger_sizes]
     responses = _responses(problem, runnable, hypothesis, [(c, c.guess) for c in likeliest])
@@ -183,14 +183,6 @@ class _LinearModel:
         if estimate > candidate.estimate:
             return replace(candidate, estimate=estimate, guess=float(np.clip(best, -2.5, 2.5)))
         return candidate
-
-
-def _best_of(z_scores: list[float]) -> float:
-    """Return the standard normal number whose tail is n times that of the best of n score tests, or more.
-
-    Bonferroni's bound, by the leading term of the tail.
-    """
-    return float(np.sqrt(max(max(z_scores) ** 2 - 2.0 * np.log(len(z_scores)), 0.0)))
 
 
 def _best_size(

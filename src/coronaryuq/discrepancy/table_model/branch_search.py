@@ -138,8 +138,7 @@ def _gaussian_process(inputs: np.ndarray, target: np.ndarray, train: np.ndarray,
     inputs = (inputs - inputs[train].mean(axis=0)) / inputs[train].std(axis=0)
     smooth = ConstantKernel(10.0, (1e-2, 1e8)) * RBF(np.full(inputs.shape[1], 5.0), (1e-1, 1e3))
     process = GaussianProcessRegressor(smooth + WhiteKernel(1e-3, (1e-10, 1.0)), normalize_y=True)
-    known = np.flatnonzero(train)
-    some = known[:: -(-len(known) // MOST_FLEXIBLE)]
+    some = np.flatnonzero(train)[:: -(-int(train.sum()) // MOST_FLEXIBLE)]
     with warnings.catch_warnings():
         # If the optimiser reaches a bound or stops early, the reference is only slightly worse.
         warnings.simplefilter("ignore", ConvergenceWarning)
