@@ -171,6 +171,15 @@ def test_the_zero_of_a_transducer_is_wrong_by_as_much_at_a_low_pressure():
     assert read - plain == pytest.approx(0.08 * aortic.mean(), rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("scale", "held_out", "possible"), [(0.3, False, True), (0.3, True, False), (1.0, False, False)]
+)
+def test_hyperaemia_is_incomplete_only_where_a_fitted_condition_dilates(scale, held_out, possible):
+    """As a candidate that acts nowhere, it took some of the prior from the others."""
+    second = Condition("second", coronary_resistance_scale=scale, held_out=held_out)
+    assert bool(effect("incomplete_hyperaemia").places(model(second=second).anatomy)) == possible
+
+
 def test_a_delay_of_a_compression_that_a_condition_gives_is_possible():
     """In the network, the intramyocardial pressure is constant."""
     network, phase = left_coronary(compressed=False), np.linspace(0.0, PERIOD, 41)

@@ -250,6 +250,13 @@ def test_a_share_of_a_territory_has_no_kink_at_one(name, place):
     assert above - at == pytest.approx(at - below) and np.abs(above - at).max() > 0.05
 
 
+def test_an_error_of_the_map_between_flows_needs_two_of_them():
+    """Pressures under another condition say nothing of it."""
+    rest, stress = perfusion_series()[:3], [Series("stress", "pressure", "a:b", "mean", None, 1.0)]
+    one = effect("mbf_underestimation")
+    assert one.places(None, rest + stress) == [] and one.places(None, perfusion_series()) == ["perfusion map"]
+
+
 def test_a_shared_offset_acts_on_all_pressures_of_its_place(tree):
     """It adds the same pressure everywhere; the root pressure stays if only the wire has the error."""
     network, anatomy = tree

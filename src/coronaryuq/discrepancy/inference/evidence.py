@@ -14,7 +14,8 @@ plausible, and where something else shows, with one amplitude as a fraction of e
 - in one quantity, the same at all places, as an error of the device that reads them;
 - the same under one condition alone.
 
-The nine are equally likely. In single values alone it exceeds their noise: less could not be distinguished from that.
+The nine, eight without waveforms, are equally likely. In single values alone it exceeds their noise: less could not be
+distinguished from that.
 
 Waveforms have independent errors given the parameters of the model, and something else independent parts: one per
 measured place and quantity, one per condition of these, or one per quantity. So every quantity contributes a matrix of

@@ -333,6 +333,7 @@ def make_problem(
     anatomy.flow = {vessel: values[name] for vessel, name in names.items()}
     anatomy.period = period_of(network)
     anatomy.driven = {block for condition in conditions.values() for block in condition.drive}
+    anatomy.dilated = any(c.coronary_resistance_scale < 1.0 for c in conditions.values() if not c.held_out)
     parameters = nuisances(network, conditions, measured, settings)
     forward = Forward(
         Simulation(network, conditions, anatomy, settings.steps_per_cycle, settings.threads),

@@ -39,8 +39,8 @@ def noise_notes(noise: Mapping[str, Mapping]) -> str:
 
 def uneven_notes(uneven: Mapping[str, float]) -> str:
     """Report noise that is larger under some conditions than under others."""
-    each = [f"{times:.2g} times as large for {where}" for where, times in uneven.items()]
-    return f"Over its stated size, noise is {listed(each)} as under other conditions. " * bool(each)
+    each = [f"{times:.2g} times as large, relative to its stated size, for {where}" for where, times in uneven.items()]
+    return f"Noise is {listed(each)} as under other conditions. " * bool(each)
 
 
 def outlier_notes(outliers: Sequence[Mapping]) -> str:

@@ -181,7 +181,7 @@ def all_candidates(problem: Problem, hypothesis: Hypothesis, library: tuple[Effe
     # A vessel inserted for the loss of another vessel is part of that vessel, not a separate place.
     stems = [f"{vessel}_{tag}" for vessel in forward.anatomy.vessels for tag in (TAG, FOCAL)]
     inserted = {grafted(forward.anatomy.network, stem) for stem in stems}
-    # A vessel with a declared stenosis has no compliance of its own (`conditions.under`).
+    # A vessel with a declared stenosis has no compliance of its own (`apply_condition`).
     stenosed = {vessel for condition in forward.conditions.values() for vessel in condition.stenosis}
     possible = []
     for effect in library:

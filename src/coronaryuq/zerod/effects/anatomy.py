@@ -26,6 +26,8 @@ class Anatomy(Topology):
         Cardiac period (s).
     driven : set of str
         Boundary conditions of which a waveform is given under some condition.
+    dilated : bool
+        Whether a condition to be fitted may dilate the beds.
     """
 
     def __init__(
@@ -33,7 +35,7 @@ class Anatomy(Topology):
     ):
         super().__init__(network)
         self.pressure, self.flow, self.period = pressure, flow or {}, period
-        self.driven: set[str] = set()
+        self.driven, self.dilated = set[str](), True
 
     @property
     def beds(self) -> dict[str, str]:

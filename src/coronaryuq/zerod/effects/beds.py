@@ -163,7 +163,7 @@ class IncompleteHyperaemia(Effect):
     parameters = (Parameter("share", "1", "lognormal", 0.15, 1.0, "missing fraction of the dilatation"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        return _groups(anatomy)
+        return _groups(anatomy) if anatomy.dilated else []
 
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState

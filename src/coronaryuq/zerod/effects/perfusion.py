@@ -34,8 +34,7 @@ class MBFUnderestimation(MapError):
     )
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        territories = {s.location for s in observed if s.quantity == "perfusion"}
-        return [MAP] if territories and len({s.condition for s in observed}) > 1 else []
+        return [MAP] if len({s.condition for s in observed if s.quantity == "perfusion"}) > 1 else []
 
     def observe(
         self, place: str, sizes: Values, series: Sequence[Series], predicted: list[np.ndarray]
