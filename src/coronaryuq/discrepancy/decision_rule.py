@@ -100,7 +100,7 @@ class DecisionRule:
         0.01, "1", "Fraction by which data must reduce a nuisance parameter's prior variance for it to be tested."
     )
     outlier: float = _threshold(
-        5.0, "sd", "Distance of a sample from the line between its neighbours: 1 in 2e6 samples of normal noise."
+        0.001, "1", "Chance of an outlier in normal noise: a sample 4.8 sd off its neighbours' line among 700 samples."
     )
     same_time: float = _threshold(1.5, "samples", "Distance within which outliers of several series are simultaneous.")
     coincidence: float = _threshold(

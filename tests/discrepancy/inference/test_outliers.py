@@ -35,10 +35,10 @@ def noise(seed):
 
 @pytest.mark.slow
 def test_noise_and_smooth_residuals_have_hardly_an_outlier():
-    """In 20,000 waveforms of 40 samples; one sample in 2e6 is expected of noise alone."""
+    """In 5,000 data sets, of which 0.001 may have one: 5 are expected, and more than 13 have a chance of 0.001."""
     phase = np.concatenate([one.time / PERIOD for one in MEASURED] + [np.zeros(1)])
     smooth = 20.0 * np.sin(2.0 * np.pi * phase) + 3.0 * np.cos(6.0 * np.pi * phase)
-    assert sum(len(found(noise(seed) + smooth)) for seed in range(5000)) <= 8
+    assert sum(len(found(noise(seed) + smooth)) for seed in range(5000)) <= 13
 
 
 @given(st.integers(0, 3), st.integers(0, 99))

@@ -42,12 +42,10 @@ def find_outliers(problem: Problem, residual: np.ndarray) -> list[Outlier]:
     Samples that stand out at the same time of the beat in more series than by chance are not artefacts: each series has
     as many, at times that do not depend on those of others.
     """
-    found = []
-    for number, series in enumerate(problem.forward.measured):
-        if series.time is None:
-            continue
-        for sample, off in far_off(series.time, residual[problem.owner == number], RULE.outlier, series.period):
-            time = float(series.time[sample])
+    found, limit = [], float(stats.norm.isf(0.5 * RULE.outlier / residual.size))
+    for number, series in ((n, one) for n, one in enumerate(problem.forward.measured) if one.time is not None):
+        for sample, off in far_off(series.sample_times, residual[problem.owner == number], limit, series.period):
+            time = float(series.sample_times[sample])
             found.append((Outlier(*series.channel, series.condition, time, off), number, time / series.period))
     alone = []
     for outlier, owner, phase in found:
