@@ -7,12 +7,14 @@ import pytest
 
 from coronaryuq.bench.discrepancy.open_loop_tree import left_coronary
 from coronaryuq.case.network.network import GRAFTED, Network
+from coronaryuq.discrepancy.forward.hypothesis import APART
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.base import ConditionState, Series
 from coronaryuq.zerod.effects.flow_source import FlowSource
-from coronaryuq.zerod.effects.grafting import open_end
+from coronaryuq.zerod.effects.grafting import open_end, with_elements
 from coronaryuq.zerod.effects.library import SEARCHED, effect
 from coronaryuq.zerod.effects.quadratic import QuadraticLoss
+from coronaryuq.zerod.effects.searchable import as_searched
 from coronaryuq.zerod.network.read import check_network
 from coronaryuq.zerod.solver.engine import Engine
 from support.pullbacks import pulled_through
@@ -103,6 +105,30 @@ def with_effect(network, one, place):
     changes = {name: np.ravel(value).tolist() for name, value in changes.items()}
     stems = {vessel[GRAFTED]: vessel["vessel_name"] for vessel in changed.vessels if GRAFTED in vessel}
     return [changed, one.aliases(place, anatomy), changes], stems
+
+
+@pytest.mark.parametrize("one", [one for one in SEARCHED if one.grafted and one.nameable], ids=lambda one: one.name)
+def test_a_repaired_network_can_be_searched_again(one):
+    """The vessels of its effect are the patient's then: all effects can act there, the same once more included."""
+    network = left_coronary()
+
+    def anatomy_of(found):
+        return Anatomy(found, 1.2e5, {}, 0.85)
+
+    def probes(anatomy):
+        flows = [Series("rest", "flow", f"{vessel}:{bed}", "mean", None, 1.0) for bed, vessel in anatomy.beds.items()]
+        return [*flows, pulled_through(anatomy.coronary_vessels[-1])]
+
+    anatomy = anatomy_of(network)
+    for place in one.places(anatomy, probes(anatomy)):
+        repaired, _ = with_elements(network, [(one, place)], anatomy_of)
+        again = as_searched(check_network(repaired))
+        now = anatomy_of(again)
+        every = [(other, at) for other in SEARCHED if other.grafted for at in other.places(now, probes(now))]
+        for kind in {other.name for other, _ in every}:
+            check_network(with_elements(again, [pair for pair in every if pair[0].name == kind], anatomy_of)[0])
+        ahead = [pair for pair in every if pair[0].name not in APART]
+        check_network(with_elements(again, ahead, anatomy_of)[0])
 
 
 @pytest.mark.parametrize("make", [left_coronary, closed_loop])

@@ -28,6 +28,7 @@ from coronaryuq.discrepancy.inference.time_step_error import OSCILLATES
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.pullback import OF_WIRE
+from coronaryuq.zerod.effects.searchable import as_searched
 from coronaryuq.zerod.network.output_names import inner_unknowns
 from coronaryuq.zerod.network.period import period_of
 from coronaryuq.zerod.solver.engine import Engine
@@ -92,7 +93,8 @@ def read_problem(
     held = [name for name in used if conditions[name].held_out]
     if len(held) == len(used):
         raise InputError(file, "held_out", held, "every measured condition is held out; fit at least one")
-    problem = make_problem(network, {name: conditions[name] for name in conditions if name in used}, measured, settings)
+    needed = {name: conditions[name] for name in conditions if name in used}
+    problem = make_problem(as_searched(network), needed, measured, settings)
     _check_root(problem)
     for line in _check_sizes(problem, measurements):
         note(f"note: {measurements}: {line}")

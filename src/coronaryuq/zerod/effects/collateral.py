@@ -37,7 +37,7 @@ class Collateral(Effect):
         network, upper, _ = open_end(network, source, self.tag)
         network, lower, _ = open_end(network, sink, self.tag)
         weak = 1e9 * anatomy.pressure / min(anatomy.flow_scale(source), anatomy.flow_scale(sink))
-        number = add_vessel(network, f"{self.added}_{place}", {"R_poiseuille": weak})
+        number = add_vessel(network, f"{self.added}~{place}", {"R_poiseuille": weak})
         attach(network, upper, "outlet", number)
         attach(network, lower, "inlet", number)
         return network
@@ -49,7 +49,7 @@ class Collateral(Effect):
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
     ) -> Values:
-        vessel = grafted_name(network, f"{self.added}_{place}")
+        vessel = grafted_name(network, f"{self.added}~{place}")
         return {f"{vessel}.R_poiseuille": self._resistance(place, sizes["conductance"], anatomy)}
 
     def physical(self, place: str, sizes: dict[str, float], anatomy: Anatomy) -> dict[str, float]:

@@ -49,7 +49,7 @@ class FlowSource(Effect):
 
     def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network, junction, _ = open_end(network, place, TAG)
-        stem, period = f"{TAG}_{place}", float(anatomy.period)
+        stem, period = f"{TAG}~{place}", float(anatomy.period)
         bed = f"BC_{grafted_name(network, stem)}"
         silent = {"t": [0.0, period], "Q": [0.0, 0.0]}
         attach(network, junction, "outlet", add_vessel(network, stem, {"R_poiseuille": 0.0}, outlet=bed))
@@ -64,5 +64,5 @@ class FlowSource(Effect):
     ) -> Values:
         weights = np.stack([np.asarray(sizes[one.name], dtype=float) for one in self.parameters], axis=-1)
         waves = weights @ basis(np.linspace(0.0, 1.0, WAVE_POINTS))
-        bed = f"BC_{grafted_name(network, f'{TAG}_{place}')}"
+        bed = f"BC_{grafted_name(network, f'{TAG}~{place}')}"
         return {f"{bed}.Q": anatomy.flow_scale(place) * waves}

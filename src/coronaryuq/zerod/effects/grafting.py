@@ -1,7 +1,7 @@
 """Vessels and junctions added to a 0D network without disturbing the flow through it.
 
-An added vessel has a stem, such as `LAD_leak`, by which its effect finds it again. That is its name, too, unless the
-patient has a vessel, bed or junction of that name.
+An added vessel has a stem, such as `LAD_leak` for a stub of `LAD` or `leak~LAD` for a leak there, by which its effect
+finds it again. With `_` for `~` that is its name, too, unless the network has a vessel, bed or junction of that name.
 """
 
 from collections.abc import Callable, Iterable

@@ -46,7 +46,7 @@ class SideBranchLeak(Effect):
     def insert(self, network: Network, place: str, anatomy: Anatomy) -> Network:
         network, junction, _ = open_end(network, place, self.tag)
         bed = self._bed(network, place)
-        leak = add_vessel(network, f"{self.added}_{place}", {"R_poiseuille": 0.0}, outlet=bed)
+        leak = add_vessel(network, f"{self.added}~{place}", {"R_poiseuille": 0.0}, outlet=bed)
         network["boundary_conditions"].append({"bc_name": bed, **self._closed(place, anatomy)})
         attach(network, junction, "outlet", leak)
         return network
@@ -74,7 +74,7 @@ class SideBranchLeak(Effect):
         return {"resistance of the leak": self._resistance(place, sizes["share"], anatomy)}
 
     def _bed(self, network: Network, place: str) -> str:
-        return f"BC_{grafted_name(network, f'{self.added}_{place}')}"
+        return f"BC_{grafted_name(network, f'{self.added}~{place}')}"
 
     @staticmethod
     def _resistance(place: str, share: Number, anatomy: Anatomy) -> Number:
@@ -101,14 +101,14 @@ class SideBranch(SideBranchLeak):
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
     ) -> Values:
-        beds = [network.bed_values(name) for name in anatomy.beds_below(place)]
-        conductances = [1.0 / sum(values.get(name, 0.0) for name in RESISTANCES) for values in beds]
-        opened = sizes["share"] * sum(conductances) / conductances[0]
-        bed, first = self._bed(network, place), anatomy.beds_below(place)[0]
-        changes = {f"{bed}.{name}": value / opened for name, value in beds[0].items() if name in RESISTANCES}
-        changes |= {f"{bed}.{name}": value * opened for name, value in beds[0].items() if name in COMPLIANCES}
+        beds = {name: network.bed_values(name) for name in anatomy.beds_below(place)}
+        conductances = {name: 1.0 / sum(values.get(one, 0.0) for one in RESISTANCES) for name, values in beds.items()}
+        bed, first = self._bed(network, place), _first_bed(place, anatomy)
+        opened, values = sizes["share"] * sum(conductances.values()) / conductances[first], beds[first]
+        changes = {f"{bed}.{name}": value / opened for name, value in values.items() if name in RESISTANCES}
+        changes |= {f"{bed}.{name}": value * opened for name, value in values.items() if name in COMPLIANCES}
         # Of the rest, such as the back pressure, only what other effects have changed differs from the copy's own.
-        for name, value in beds[0].items():
+        for name, value in values.items():
             kept = np.array_equal(value, network.bed_values(bed)[name])
             if not (kept or name == "t" or f"{bed}.{name}" in changes):
                 changed = sampled(network, f"{first}.{name}") if np.ndim(value) else value
@@ -119,17 +119,18 @@ class SideBranch(SideBranchLeak):
         return dict(sizes)
 
     def _closed(self, place: str, anatomy: Anatomy) -> dict[str, Any]:
-        first = deepcopy(anatomy.blocks[_own_beds(place, anatomy)[0]])
+        first = deepcopy(anatomy.blocks[_first_bed(place, anatomy)])
         values = first["bc_values"]
         values |= {name: values[name] / CLOSED for name in RESISTANCES if name in values}
         values |= {name: values[name] * CLOSED for name in COMPLIANCES if name in values}
         return {"bc_type": first["bc_type"], "bc_values": values, COPY_OF: first["bc_name"]}
 
 
-def _own_beds(place: str, anatomy: Anatomy) -> list[str]:
-    """Return the beds beyond a vessel that no effect has added."""
+def _first_bed(place: str, anatomy: Anatomy) -> str:
+    """Return the first bed beyond a vessel in the network's order, on which added vessels have no influence."""
     added = {f"BC_{vessel['vessel_name']}" for vessel in anatomy.network.vessels if GRAFTED in vessel}
-    return [bed for bed in anatomy.beds_below(place) if bed not in added]
+    below = set(anatomy.beds_below(place)) - added
+    return next(bed for bed in anatomy.blocks if bed in below)
 
 
 class DistalLeak(SideBranchLeak):

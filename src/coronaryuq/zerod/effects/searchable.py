@@ -2,13 +2,27 @@
 
 from pathlib import Path
 
-from coronaryuq.case.network.network import Network
+from coronaryuq.case.network.network import GRAFTED, Network
 from coronaryuq.core.errors import InputError
+from coronaryuq.zerod.effects.quadratic import TAG
+from coronaryuq.zerod.effects.stenosis import FOCAL
 
 MARKS = (":", "~", "<", ">", " and ", " towards ", " with ", " from ", " under ", " but ")
 """Separators of the blocks of a place, and of a place and a condition."""
 NEVER_NEGATIVE = ("R_poiseuille", "L", "C")
 """Values of a vessel; a stenosis coefficient is negative where a vessel widens, as one learned from 3D may be."""
+
+
+def as_searched(network: Network) -> Network:
+    """Return a network with the vessels of an earlier search as the patient's own, so that effects may act there again.
+
+    Those that hold the loss of the vessel behind them keep their mark: a further loss of that vessel is added to it.
+    """
+    network = network.deep_copy()
+    for vessel in network.vessels:
+        if not vessel.get(GRAFTED, "").endswith((f"_{TAG}", f"_{FOCAL}")):
+            vessel.pop(GRAFTED, None)
+    return network
 
 
 def check_searchable(network: Network, file: str | Path) -> None:
