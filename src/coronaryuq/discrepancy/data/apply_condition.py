@@ -42,7 +42,7 @@ def apply_condition(network: Network, condition: Condition, file: str | Path = "
     network = network.deep_copy()
     anatomy, period = Anatomy(network), period_of(network)
     factor = condition.coronary_resistance_scale
-    for bed in anatomy.beds:
+    for bed in anatomy.dilating:
         anatomy.blocks[bed]["bc_values"].update({k: v * factor for k, v in arteriolar(network, bed).items()})
     _change_values(network, anatomy, condition, file)
     _check_stenoses(anatomy, condition, file)

@@ -78,7 +78,7 @@ def nuisances(
     conditions list.
     """
     anatomy = Anatomy(network)
-    beds = list(anatomy.beds)
+    beds = list(anatomy.dilating)
     which = "coronary" if any(anatomy.kind(bed) in CORONARY_TYPES for bed in beds) else "bed"
     found = _of_beds(anatomy, beds, which, settings.sd_coronary, settings.sd_compliance, settings)
     if any(BED_SHAPE in condition.free for condition in conditions.values()):
@@ -123,7 +123,7 @@ def _of_beds(
 
 def _shape(anatomy: Anatomy, sd: float) -> list[Nuisance]:
     """Return parameters for how resistance and compliance vary along the beds, and for vessel compliance."""
-    beds, vessels = anatomy.beds, anatomy.coronary_vessels
+    beds, vessels = anatomy.dilating, anatomy.coronary_vessels
     groups = {
         "proximal resistance of the beds": [key for bed in beds for key in present(anatomy, bed, ("Ra1",))],
         "proximal compliance of the beds": [key for bed in beds for key in present(anatomy, bed, ("Ca",))],
@@ -161,5 +161,6 @@ def tissue_mass(territory: str, conditions: dict[str, Condition], measured: list
     own = [s for s in own if not conditions[s.condition].held_out] or own
     clear = {s.condition: float(s.value[0] / s.sd[0]) for s in own}
     first = next((s for s in own if clear[s.condition] > KNOWN), max(own, key=lambda s: clear[s.condition]))
-    flow = anatomy.flow_scale(anatomy.beds[territory]) / conditions[first.condition].coronary_resistance_scale
+    scale = conditions[first.condition].coronary_resistance_scale if territory in anatomy.dilating else 1.0
+    flow = anatomy.flow_scale(anatomy.beds[territory]) / scale
     return flow / max(float(first.value[0]), float(first.sd[0]), 1e-3 * units.MBF_PER_MIN_PER_G)

@@ -93,8 +93,7 @@ def read_problem(
     held = [name for name in used if conditions[name].held_out]
     if len(held) == len(used):
         raise InputError(file, "held_out", held, "every measured condition is held out; fit at least one")
-    needed = {name: conditions[name] for name in conditions if name in used}
-    problem = make_problem(as_searched(network), needed, measured, settings)
+    problem = make_problem(as_searched(network), {n: c for n, c in conditions.items() if n in used}, measured, settings)
     _check_root(problem)
     for line in _check_sizes(problem, measurements):
         note(f"note: {measurements}: {line}")

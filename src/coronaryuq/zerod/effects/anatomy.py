@@ -38,30 +38,37 @@ class Anatomy(Topology):
         self.driven, self.dilated = set[str](), True
 
     @property
+    def dilating(self) -> dict[str, str]:
+        """Boundary condition → vessel of the beds that hyperaemia dilates: the coronary ones or, if none, all."""
+        return self._of_types(CORONARY_TYPES) or self._of_types(SYSTEMIC_TYPES)
+
+    @property
     def beds(self) -> dict[str, str]:
-        """Boundary condition → vessel of the beds under study: the coronary beds or, if there are none, all outlets."""
-        coronary = {bed: vessel for bed, vessel in self.vessel_of.items() if self.kind(bed) in CORONARY_TYPES}
-        return coronary or {bed: v for bed, v in self.vessel_of.items() if self.kind(bed) in SYSTEMIC_TYPES}
+        """Boundary condition → vessel of the beds under study: all outlets or, of a closed loop, those that dilate."""
+        return self.dilating if self.closed_loop else self._of_types(CORONARY_TYPES + SYSTEMIC_TYPES)
+
+    def _of_types(self, types: tuple[str, ...]) -> dict[str, str]:
+        return {bed: vessel for bed, vessel in self.vessel_of.items() if self.kind(bed) in types}
 
     @property
     def coronary_vessels(self) -> list[str]:
         """Vessels that lead only to beds under study, in the network's order."""
-        return [name for name in self.vessels if self.beds_below(name) and not self._others_below(name)]
+        return self._leading_to(self.beds)
 
     @property
     def ostia(self) -> list[str]:
-        """First vessels of the coronary trees."""
-        inside = set(self.coronary_vessels)
-        return [name for name in self.coronary_vessels if not inside.intersection(self.parents(name))]
+        """First vessels of the trees whose beds hyperaemia dilates."""
+        inside = self._leading_to(self.dilating)
+        return [name for name in inside if not set(inside).intersection(self.parents(name))]
 
     def beds_below(self, vessel: str) -> list[str]:
         """Return the beds under study downstream of a vessel."""
         beds = self.beds
         return [bed for bed in self.outlets_below(vessel) if bed in beds]
 
-    def _others_below(self, vessel: str) -> bool:
-        beds = self.beds
-        return any(bed not in beds for bed in self.outlets_below(vessel))
+    def _leading_to(self, beds: dict[str, str]) -> list[str]:
+        below = {name: self.outlets_below(name) for name in self.vessels}
+        return [name for name, outlets in below.items() if outlets and all(bed in beds for bed in outlets)]
 
     def vessel_at(self, location: str) -> str | None:
         """Return the vessel to which a location "A:B" belongs."""

@@ -163,7 +163,8 @@ class IncompleteHyperaemia(Effect):
     parameters = (Parameter("share", "1", "lognormal", 0.15, 1.0, "missing fraction of the dilatation"),)
 
     def places(self, anatomy: Anatomy, observed: Sequence[Series] = ()) -> list[str]:
-        return _groups(anatomy) if anatomy.dilated else []
+        groups = _groups(anatomy) if anatomy.dilated else []
+        return [place for place in groups if not anatomy.dilating.keys().isdisjoint(_beds_of(place, anatomy))]
 
     def changes(
         self, network: Network, place: str, sizes: Values, anatomy: Anatomy, condition: ConditionState
@@ -173,7 +174,7 @@ class IncompleteHyperaemia(Effect):
             return {}
         factor = (nominal + np.asarray(sizes["share"]) * (1.0 - nominal)) / nominal
         changes: Values = {}
-        for bed in _beds_of(place, anatomy):
+        for bed in (bed for bed in _beds_of(place, anatomy) if bed in anatomy.dilating):
             changes |= {f"{bed}.{k}": v * factor for k, v in arteriolar(network, bed).items()}
         return changes
 

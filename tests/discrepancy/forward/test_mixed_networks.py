@@ -1,4 +1,4 @@
-"""A network with two inlets: each vessel is driven by its own."""
+"""Networks with two inlets, where each vessel is driven by its own, and with beds of several kinds."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,14 @@ import pytest
 from coronaryuq.bench.discrepancy.open_loop_tree import PERIOD, left_coronary
 from coronaryuq.case.network.network import Network
 from coronaryuq.case.network.topology import Topology
+from coronaryuq.discrepancy.data.apply_condition import apply_condition
 from coronaryuq.discrepancy.data.conditions import Condition
 from coronaryuq.discrepancy.data.measurements import Measured
 from coronaryuq.discrepancy.inference.read_problem import make_problem
 from coronaryuq.discrepancy.settings import Settings
 from coronaryuq.zerod.effects.anatomy import Anatomy
 from coronaryuq.zerod.effects.dynamic_pressure import AT_DRIVE, DynamicPressure
+from coronaryuq.zerod.effects.library import effect
 
 LOWER = 0.6
 """Pressures of the second tree over those of the first, as in its beds."""
@@ -36,6 +38,45 @@ def two_trees() -> Network:
     for part in ("vessels", "junctions", "boundary_conditions"):
         network[part] += second[part]
     return network
+
+
+def with_aorta() -> Network:
+    """The left coronary tree beside an artery with an RCR bed, which feeds both."""
+    network = left_coronary()
+    root = network.vessel("left_main")
+    ends = root.pop("boundary_conditions")
+    common = network.deep_copy().vessel("left_main") | {
+        "vessel_name": "aorta",
+        "vessel_id": 10,
+        "boundary_conditions": ends,
+    }
+    carotid = network.deep_copy().vessel("left_main") | {"vessel_name": "carotid", "vessel_id": 11}
+    carotid["boundary_conditions"] = {"outlet": "RCR"}
+    network["vessels"] += [common, carotid]
+    network["junctions"].append(
+        {"junction_name": "J9", "junction_type": "NORMAL_JUNCTION", "inlet_vessels": [10], "outlet_vessels": [0, 11]}
+    )
+    values = {"Rp": 2e3, "Rd": 2e4, "C": 2e-5, "Pd": 0.0}
+    network["boundary_conditions"].append({"bc_name": "RCR", "bc_type": "RCR", "bc_values": values})
+    return network
+
+
+def test_beside_coronary_beds_the_other_outlets_are_searched_too():
+    """Any coronary bed had taken the effects of all vessels that feed another bed out of the search."""
+    network = with_aorta()
+    hyperaemia = Condition("hyperaemia", coronary_resistance_scale=0.3)
+    probe = Measured("hyperaemia", "flow", "carotid:RCR", "mean", None, PERIOD, np.ones(1), np.ones(1))
+    anatomy = make_problem(network, {"hyperaemia": hyperaemia}, [probe], Settings()).forward.anatomy
+    for name, place in (
+        ("quadratic_stenosis", "carotid"),
+        ("side_branch_leak", "aorta"),
+        ("bed_resistance", "RCR"),
+        ("distal_leak", "carotid"),
+    ):
+        assert place in effect(name).places(anatomy, [probe]), name
+    # Hyperaemia dilates the coronary beds alone.
+    assert "RCR" not in effect("incomplete_hyperaemia").places(anatomy) and anatomy.ostia == ["left_main"]
+    assert apply_condition(network, hyperaemia).bed_values("RCR") == network.bed_values("RCR")
 
 
 def test_a_path_begins_at_the_root_that_feeds_its_vessel():
