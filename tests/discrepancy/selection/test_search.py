@@ -182,7 +182,7 @@ def test_effects_of_one_formula_are_one_class_however_strong(tmp_path):
 @pytest.mark.long
 def test_beds_far_from_their_prior_hide_no_effect(tmp_path):
     """Recalibration moves all beds by three standard deviations; about the prior's mean an offset explains nothing."""
-    hide(Case(("flow_offset",), "medium", "nominal", 72006), open_loop(), tmp_path, NATURE)
+    hide(Case(("flow_offset",), "strong", "nominal", 72006), open_loop(), tmp_path, NATURE)
     found = analyse(tmp_path)
     assert found.problem.distorted(found.base)
     assert [placed.effect.name for placed in found.hypothesis] == ["flow_offset"] and found.answer.given == NAMES
