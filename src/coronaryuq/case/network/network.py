@@ -24,7 +24,7 @@ Entry = dict[str, Any]
 GRAFTED = "grafted"
 """Another: what the vessel of an effect is for; no vessel of the patient has it. See `zerod.effects.grafting`."""
 COPY_OF = "copy_of"
-"""Entry of a boundary condition that an effect added: another one, with whose values its own change."""
+"""Entry of a boundary condition that an effect added: the one that it copies, with whose values its own change."""
 
 
 class Element(NamedTuple):

@@ -19,8 +19,8 @@ def with_elements(
 ) -> tuple[Network, dict[str, str]]:
     """Return the network with the elements of effects, each with its place, and old → new names of locations.
 
-    Whatever their order, those beyond the probes come last, and each kind in the order of names. anatomy_of: returns
-    the anatomy of a network.
+    The order in which they are given does not matter: they are inserted by name, those beyond the probes last.
+    anatomy_of: returns the anatomy of a network.
     """
     renamed: dict[str, str] = {}
     for one, place in sorted(effects, key=lambda placed: (placed[0].beyond_probes, placed[0].name, placed[1])):
@@ -101,7 +101,7 @@ def _opened(anatomy: Anatomy, vessel: str, tag: str) -> str:
         return vessel
     if stub := grafted(anatomy.network, f"{vessel}_{DISTAL}"):
         return anatomy.parents(stub)[0]
-    # What other effects have added leads elsewhere, at a greater distance or behind the stub to the bed.
+    # Breadth first, the stub to the vessel's own bed comes before what effects have attached to its end.
     return anatomy.vessel_of[anatomy.outlets_below(vessel)[0]]
 
 

@@ -127,7 +127,7 @@ class SideBranch(SideBranchLeak):
 
 
 def _first_bed(place: str, anatomy: Anatomy) -> str:
-    """Return the first bed beyond a vessel in the network's order, on which added vessels have no influence."""
+    """Return the first bed beyond a vessel in the order of the file, which added vessels do not change."""
     added = {f"BC_{vessel['vessel_name']}" for vessel in anatomy.network.vessels if GRAFTED in vessel}
     below = set(anatomy.beds_below(place)) - added
     return next(bed for bed in anatomy.blocks if bed in below)

@@ -20,7 +20,7 @@ class Pullback:
     path
         Vessels of the searched network from proximal to distal.
     distance
-        Of each reading from the start of the first vessel, (k,), cm; of the last ones slightly beyond the path, maybe.
+        Of each reading from the start of the first vessel, (k,), cm; the last may lie slightly beyond the path.
     length
         Of the path, cm.
     drift

@@ -58,7 +58,7 @@ class Offset(Sensor):
     meaning = "offset"
 
     def clinical(self, place: str, series: Sequence[Series]) -> tuple[str, float] | None:
-        """Return what the error is in words, and what a size of 1 is in that unit; None of ratios alone."""
+        """Return what the error is in words, and what a size of 1 is in that unit; None if only ratios are affected."""
         quantity = self.quantities[0]
         name, unit = CLINICAL[quantity]
         scales = [scale_of(s) for s in series if s.quantity == quantity and self._covers(place, s.location)]
