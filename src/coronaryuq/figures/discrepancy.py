@@ -102,18 +102,24 @@ def tree(table: str | Path, output: str | Path, case: str | Path | None = None, 
 
 
 def _mark(axes, vessel: str, depth: float, height: float, length: float, named: list[str]) -> None:
-    """Mark the effects that act at a vessel ("EFFECT at PLACE") by labelled diamonds, in its middle or at its end."""
+    """Mark the effects that act at a vessel ("EFFECT at PLACE") by labelled diamonds, in its middle or at its end.
+
+    Of a vessel that feeds no other, all labels are behind its end: below it is the name of the next one.
+    """
     labels: dict[bool, list[str]] = {True: [], False: []}
     for name in named:
         effect, place = name.split(" at ", 1)
         labels[vessel in place.split("~")].append(effect.replace("_", " "))
+    last, apart = length < 1.0, 4.0 * all(labels.values())
     for own, words in labels.items():
         if words:
-            x = depth + (0.5 if own else 1.0) * length
+            x, end = depth + (0.5 if own else 1.0) * length, depth + length
             axes.plot(x, height, "D", ms=5, color=AFTER, mec="white", mew=0.8, zorder=4, clip_on=False)
-            offset, align = ((0, -5), ("center", "top")) if own else ((6, 0), ("left", "center"))
-            style = {"fontsize": 7, "color": AFTER, "ha": align[0], "va": align[1], "zorder": 4}
-            text = axes.annotate(", ".join(words), (x, height), offset, textcoords="offset points", **style)
+            at, offset, ha, va = (end, (6, apart if own else -apart), "left", "center")
+            if own and not last:
+                at, offset, ha, va = x, (0, -5), "center", "top"
+            style = {"fontsize": 7, "color": AFTER, "ha": ha, "va": va, "zorder": 4}
+            text = axes.annotate(", ".join(words), (at, height), offset, textcoords="offset points", **style)
             text.set_path_effects([withStroke(linewidth=2, foreground="white")])
 
 
